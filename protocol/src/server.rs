@@ -1,0 +1,211 @@
+//! Messages from the server to the client.
+
+use serde::{Deserialize, Serialize};
+
+use crate::limits::Limits;
+use crate::settings::{LightState, NamedPose};
+
+/// What the server may say in text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "t")]
+pub enum ServerMessage {
+    /// Answer to `hello`.
+    #[serde(rename = "welcome")]
+    Welcome(Box<Welcome>),
+    /// The session's lights changed (by anyone); sent after `welcome` too.
+    #[serde(rename = "lights")]
+    Lights {
+        /// Scene revision that contains the change.
+        scene_rev: u32,
+        /// All lights.
+        #[serde(flatten)]
+        state: LightState,
+    },
+    /// How a view is being served, so that the UI can say why it is soft. At most twice a second.
+    #[serde(rename = "stats")]
+    Stats(Box<Stats>),
+    /// Something the user should know.
+    #[serde(rename = "notice")]
+    Notice {
+        /// What happened.
+        kind: NoticeKind,
+        /// For people.
+        detail: String,
+    },
+    /// A request with an id was carried out.
+    #[serde(rename = "ok")]
+    Ok {
+        /// The request's id.
+        re: u64,
+    },
+    /// Answer to `pick`.
+    #[serde(rename = "picked")]
+    Picked {
+        /// The request's id.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        re: Option<u64>,
+        /// World position of the surface; absent where the ray left the scene.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position: Option<[f64; 3]>,
+        /// Name of the object there.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        object: Option<String>,
+    },
+    /// A message was refused; the connection stays.
+    #[serde(rename = "error")]
+    Error {
+        /// The request's id, where it had one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        re: Option<u64>,
+        /// Machine-readable code, the same registry as HTTP problems.
+        code: String,
+        /// For people: the field, the limit, the remedy.
+        detail: String,
+    },
+    /// Application-level ping.
+    #[serde(rename = "ping")]
+    Ping {
+        /// Server's monotonic milliseconds.
+        ts: f64,
+    },
+    /// Answer to the client's `ping`.
+    #[serde(rename = "pong")]
+    Pong {
+        /// The client's `ts`.
+        ts: f64,
+        /// Server's monotonic milliseconds.
+        server_ms: f64,
+    },
+}
+
+/// Answer to `hello`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Welcome {
+    /// Protocol version in use.
+    pub v: u32,
+    /// Connection id, for logs.
+    pub conn: String,
+    /// Session.
+    pub session: SessionInfo,
+    /// Limits in force.
+    pub limits: Limits,
+    /// Techniques on offer, the default first.
+    pub techniques: Vec<TechniqueInfo>,
+    /// Cameras of the scene.
+    pub cameras: Vec<NamedPose>,
+    /// Centre of the scene's bounds, world space.
+    pub center: [f64; 3],
+    /// Radius of the sphere around the scene, metres.
+    pub radius: f64,
+    /// Warnings of the scene's import.
+    pub warnings: Vec<String>,
+    /// Server's monotonic milliseconds.
+    pub server_ms: f64,
+    /// Token for `hello.resume`; changes at every connection.
+    pub resume_token: String,
+    /// How long the view is kept after the socket drops.
+    pub grace_ms: u32,
+    /// Server's program version.
+    pub server: String,
+    /// Name of the render device.
+    pub device: String,
+}
+
+/// The session a connection joined.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SessionInfo {
+    /// Session id.
+    pub id: String,
+    /// Scene id (`sha256:...`).
+    pub scene: String,
+    /// Scene name for people.
+    pub scene_name: String,
+    /// Revision of scene and lights.
+    pub scene_rev: u32,
+    /// Changes when the render device was lost and rebuilt.
+    pub epoch: u32,
+    /// Triangles in the scene.
+    pub triangle_count: u32,
+}
+
+/// A technique on offer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TechniqueInfo {
+    /// Id for `view.set`.
+    pub id: String,
+    /// Name for people.
+    pub label: String,
+    /// One sentence on what it is.
+    pub summary: String,
+}
+
+/// Why something happened that the user should know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoticeKind {
+    /// The server is stopping.
+    Draining,
+    /// The render device was lost; frames pause.
+    DeviceLost,
+    /// The render device is back.
+    Restored,
+    /// A quota or memory bound was reached.
+    Quota,
+}
+
+/// State of one view.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stats {
+    /// View.
+    pub view: u16,
+    /// JPEG quality in use while moving.
+    pub quality: u8,
+    /// Resolution factor in use while moving, in (0, 1].
+    pub scale: f32,
+    /// Frames per second sent over the last second.
+    pub fps: f32,
+    /// Frames that may be in flight.
+    pub window: u32,
+    /// Smallest round trip of the last 10 s, milliseconds.
+    pub rtt_ms: f32,
+    /// Why quality or scale is below the wish; empty when it is not.
+    pub reason: String,
+    /// Samples a pixel of the newest frame.
+    pub samples: u32,
+    /// Audited error of the newest audited frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<ErrorInfo>,
+    /// Whether refinement has ended and nothing more will be sent.
+    pub converged: bool,
+    /// Passes of the newest frame.
+    pub passes: Vec<PassInfo>,
+    /// Passes not run, with the reason.
+    pub skipped: Vec<SkippedInfo>,
+}
+
+/// Audited error of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorInfo {
+    /// Tone-mapped RMSE.
+    pub rmse: f32,
+    /// Its standard error.
+    pub std_error: f32,
+}
+
+/// Time of a pass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PassInfo {
+    /// Pass = kernel = file name.
+    pub name: String,
+    /// Milliseconds on the device.
+    pub ms: f32,
+}
+
+/// A pass that was not run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SkippedInfo {
+    /// Pass.
+    pub name: String,
+    /// Why not.
+    pub reason: String,
+}

@@ -1,0 +1,126 @@
+//! Values that both directions share: poses, lights, codecs, formats.
+
+use serde::{Deserialize, Serialize};
+
+/// Absolute camera pose in world space. Metres; right-handed, +Y usually up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Eye.
+    pub eye: [f64; 3],
+    /// Point looked at.
+    pub target: [f64; 3],
+    /// Up direction, any length.
+    pub up: [f64; 3],
+    /// Vertical field of view, degrees, in (0, 180).
+    pub vfov_deg: f64,
+}
+
+/// Where a gesture stands: `start` and `end` are never lost, `move` may be overwritten by a newer one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Phase {
+    /// First input of a gesture.
+    Start,
+    /// Continuation.
+    Move,
+    /// Last input of a gesture, or an input that is a whole gesture.
+    End,
+}
+
+/// Image codec; the number is the header's `codec` byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u8)]
+pub enum Codec {
+    /// JPEG.
+    Jpeg = 1,
+    /// WebP, lossy or lossless.
+    Webp = 2,
+    /// PNG.
+    Png = 4,
+}
+
+/// Shape of a light as people edit it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightKind {
+    /// Point light, W/sr.
+    Point,
+    /// Spot light, W/sr.
+    Spot,
+    /// Sun, W/m^2.
+    Directional,
+}
+
+/// A punctual light of the session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Light {
+    /// Stable id within the session.
+    pub id: u32,
+    /// Name shown to people.
+    pub name: String,
+    /// Shape.
+    pub kind: LightKind,
+    /// World position, metres (unused by directional lights).
+    pub position: [f64; 3],
+    /// Direction in which it shines, world space, any length (unused by point lights).
+    pub direction: [f64; 3],
+    /// Linear colour, each in [0, 1].
+    pub color: [f32; 3],
+    /// W/sr (point, spot) or W/m^2 (directional).
+    pub intensity: f32,
+    /// Spot cone half angles `[inner, outer]`, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cone_deg: Option<[f32; 2]>,
+    /// Off lights stay listed.
+    #[serde(default = "yes")]
+    pub enabled: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A change of the session's lights. Absent fields stay as they are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LightPatch {
+    /// Add this light (its `id` is ignored and given by the server).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub add: Option<Light>,
+    /// Replace the light of the same id.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub set: Option<Light>,
+    /// Remove the light of this id.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remove: Option<u32>,
+    /// Factor on the environment's radiance, in [0, 1e6].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment_strength: Option<f32>,
+    /// Factor on all emissive surfaces, in [0, 1e6].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emissive_strength: Option<f32>,
+}
+
+/// All lights of a session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightState {
+    /// Punctual lights, the scene's own first.
+    pub lights: Vec<Light>,
+    /// Factor on the environment.
+    pub environment_strength: f32,
+    /// Factor on emissive surfaces.
+    pub emissive_strength: f32,
+    /// Whether the scene has an environment at all.
+    pub has_environment: bool,
+}
+
+/// A named camera of the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NamedPose {
+    /// Name.
+    pub name: String,
+    /// Pose.
+    pub pose: Pose,
+    /// Exposure its author meant (linear factor).
+    pub exposure: f32,
+}
