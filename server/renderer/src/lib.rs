@@ -1,1 +1,22 @@
-//! placeholder
+//! The render actor: sessions' GPU state, scheduling, frame loop, convergence, error audit. Commands in, frames out.
+//!
+//! The actor runs on its own named thread and owns the GPU. Everything else talks to it through [`RendererHandle`], whose
+//! command channel is bounded, and reads frames from newest-wins [`FrameSlot`]s.
+
+pub mod command;
+pub mod handle;
+pub mod job;
+pub mod lights;
+pub mod slot;
+pub mod status;
+pub mod view;
+
+pub use command::{Command, CommandReceiver, SessionKey, ViewKey};
+pub use handle::{RendererError, RendererHandle};
+pub use job::{
+    Aov, ErrorEstimate, JobProgress, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules,
+};
+pub use lights::SessionLights;
+pub use slot::FrameSlot;
+pub use status::{DeviceInfo, DeviceState, RendererStatus};
+pub use view::{Frame, FrameKind, ViewState};

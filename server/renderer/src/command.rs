@@ -1,0 +1,119 @@
+//! Commands to the render actor.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use surfelcast_scene::{Camera, Scene};
+use tokio::sync::{mpsc, oneshot, watch};
+
+use crate::handle::RendererError;
+use crate::job::{JobProgress, RenderJob, RenderOutput};
+use crate::lights::SessionLights;
+use crate::slot::FrameSlot;
+use crate::view::ViewState;
+
+/// Names a session inside the renderer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SessionKey(pub u64);
+
+/// Names a view inside the renderer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ViewKey(pub u64);
+
+/// The receiving end of the command channel.
+pub type CommandReceiver = mpsc::Receiver<Command>;
+
+/// What lies under a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picked {
+    /// World position.
+    pub position: DVec3,
+    /// Node name.
+    pub object: String,
+}
+
+/// Answer channel of a command.
+pub type Reply<T> = oneshot::Sender<Result<T, RendererError>>;
+
+/// Everything the actor can be told.
+#[derive(Debug)]
+pub enum Command {
+    /// Make a session of a scene. Admission is by estimated bytes before anything is uploaded.
+    OpenSession {
+        /// Chosen by the handle.
+        session: SessionKey,
+        /// Scene.
+        scene: Arc<Scene>,
+        /// Answer.
+        reply: Reply<()>,
+    },
+    /// Drop a session and its views.
+    CloseSession {
+        /// Session.
+        session: SessionKey,
+    },
+    /// Replace a session's lights; every view of it starts anew. `scene_rev` comes back in the frames.
+    SetLights {
+        /// Session.
+        session: SessionKey,
+        /// New lights.
+        lights: SessionLights,
+        /// Revision after the change.
+        scene_rev: u32,
+    },
+    /// Open a view.
+    OpenView {
+        /// Session.
+        session: SessionKey,
+        /// Chosen by the handle.
+        view: ViewKey,
+        /// First state.
+        state: ViewState,
+        /// Where frames go.
+        slot: FrameSlot,
+        /// Answer.
+        reply: Reply<()>,
+    },
+    /// Replace the state of a view.
+    UpdateView {
+        /// View.
+        view: ViewKey,
+        /// New state.
+        state: Box<ViewState>,
+    },
+    /// Close a view.
+    CloseView {
+        /// View.
+        view: ViewKey,
+    },
+    /// Find the surface under a point of a picture.
+    Pick {
+        /// Session.
+        session: SessionKey,
+        /// Camera of the picture.
+        camera: Camera,
+        /// Width over height of the picture.
+        aspect: f64,
+        /// Position in the picture, 0 to 1 from the top left.
+        point: [f32; 2],
+        /// Answer.
+        reply: Reply<Option<Picked>>,
+    },
+    /// Render one picture in the background.
+    Render {
+        /// The job.
+        job: Box<RenderJob>,
+        /// Progress; dropping all receivers does not cancel.
+        progress: watch::Sender<JobProgress>,
+        /// Set to true to cancel; the answer is then what was done so far, or [`RendererError::Canceled`].
+        cancel: watch::Receiver<bool>,
+        /// Answer.
+        reply: Reply<RenderOutput>,
+    },
+    /// A slot became wanted; look at the views again.
+    Wake,
+    /// Lose the device on purpose (tests only, guarded by configuration).
+    LoseDevice,
+    /// Finish the frame in hand and stop.
+    Stop,
+}

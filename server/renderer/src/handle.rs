@@ -1,0 +1,196 @@
+//! The outside's end of the render actor.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use surfelcast_scene::{Camera, Scene};
+use tokio::sync::{mpsc, oneshot, watch};
+
+use crate::command::{Command, CommandReceiver, Picked, SessionKey, ViewKey};
+use crate::job::{JobProgress, RenderJob, RenderOutput};
+use crate::lights::SessionLights;
+use crate::slot::FrameSlot;
+use crate::status::RendererStatus;
+use crate::view::ViewState;
+
+/// Commands that may wait.
+const COMMAND_CAPACITY: usize = 256;
+
+/// Why the renderer refused or failed.
+#[derive(Debug, Clone, thiserror::Error, PartialEq, Eq)]
+pub enum RendererError {
+    /// The actor has stopped.
+    #[error("the renderer has stopped")]
+    Stopped,
+    /// The command queue or job queue is full.
+    #[error("the renderer is busy: {limit} {what} are waiting already; try again later")]
+    Busy {
+        /// What is waiting.
+        what: &'static str,
+        /// The limit.
+        limit: usize,
+    },
+    /// The scene does not fit beside what is held now.
+    #[error("the scene needs {needed} bytes of device memory, {free} are free; close a session or try again later")]
+    NoMemory {
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes free.
+        free: u64,
+    },
+    /// The scene can never fit this device.
+    #[error("{field} needs {needed} bytes, over the device's limit of {limit}")]
+    SceneTooLarge {
+        /// What is too large.
+        field: String,
+        /// Bytes needed.
+        needed: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// Not possible with this device, technique or scene.
+    #[error("{0}")]
+    Unsupported(String),
+    /// The device was lost during the work, which may be sent again.
+    #[error("the render device was lost; the work may be sent again")]
+    DeviceLost,
+    /// Canceled before there was a picture.
+    #[error("the render was canceled")]
+    Canceled,
+    /// No such session or view.
+    #[error("{0} does not exist")]
+    Unknown(&'static str),
+}
+
+/// Talks to the actor. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct RendererHandle {
+    commands: mpsc::Sender<Command>,
+    status: watch::Receiver<RendererStatus>,
+    next_key: Arc<AtomicU64>,
+}
+
+/// A running job.
+#[derive(Debug)]
+pub struct JobTicket {
+    /// Progress.
+    pub progress: watch::Receiver<JobProgress>,
+    /// Send `true` to cancel.
+    pub cancel: watch::Sender<bool>,
+    /// The result.
+    pub result: oneshot::Receiver<Result<RenderOutput, RendererError>>,
+}
+
+impl RendererHandle {
+    /// A handle and the ends that an actor (or a test's fake) works with.
+    pub fn channel() -> (Self, CommandReceiver, watch::Sender<RendererStatus>) {
+        let (commands, receiver) = mpsc::channel(COMMAND_CAPACITY);
+        let (status_sender, status) = watch::channel(RendererStatus::default());
+        (Self { commands, status, next_key: Arc::new(AtomicU64::new(1)) }, receiver, status_sender)
+    }
+
+    /// Current state of the renderer; can be awaited for changes.
+    pub fn status(&self) -> watch::Receiver<RendererStatus> {
+        self.status.clone()
+    }
+
+    /// Opens a session of a scene.
+    pub async fn open_session(&self, scene: Arc<Scene>) -> Result<SessionKey, RendererError> {
+        let session = SessionKey(self.key());
+        self.ask(|reply| Command::OpenSession { session, scene, reply }).await?;
+        Ok(session)
+    }
+
+    /// Closes a session with its views.
+    pub async fn close_session(&self, session: SessionKey) -> Result<(), RendererError> {
+        self.send(Command::CloseSession { session }).await
+    }
+
+    /// Replaces a session's lights.
+    pub async fn set_lights(
+        &self,
+        session: SessionKey,
+        lights: SessionLights,
+        scene_rev: u32,
+    ) -> Result<(), RendererError> {
+        self.send(Command::SetLights { session, lights, scene_rev }).await
+    }
+
+    /// Opens a view; frames arrive in `slot` while one is wanted.
+    pub async fn open_view(
+        &self,
+        session: SessionKey,
+        state: ViewState,
+        slot: FrameSlot,
+    ) -> Result<ViewKey, RendererError> {
+        let view = ViewKey(self.key());
+        self.ask(|reply| Command::OpenView { session, view, state, slot, reply }).await?;
+        Ok(view)
+    }
+
+    /// Replaces a view's state.
+    pub async fn update_view(&self, view: ViewKey, state: ViewState) -> Result<(), RendererError> {
+        self.send(Command::UpdateView { view, state: Box::new(state) }).await
+    }
+
+    /// Closes a view.
+    pub async fn close_view(&self, view: ViewKey) -> Result<(), RendererError> {
+        self.send(Command::CloseView { view }).await
+    }
+
+    /// Finds the surface under a point of a picture.
+    pub async fn pick(
+        &self,
+        session: SessionKey,
+        camera: Camera,
+        aspect: f64,
+        point: [f32; 2],
+    ) -> Result<Option<Picked>, RendererError> {
+        self.ask(|reply| Command::Pick { session, camera, aspect, point, reply }).await
+    }
+
+    /// Starts a job; fails at once with [`RendererError::Busy`] when the command queue is full.
+    pub fn render(&self, job: RenderJob) -> Result<JobTicket, RendererError> {
+        let (progress_sender, progress) = watch::channel(JobProgress::default());
+        let (cancel, cancel_receiver) = watch::channel(false);
+        let (reply, result) = oneshot::channel();
+        let command = Command::Render { job: Box::new(job), progress: progress_sender, cancel: cancel_receiver, reply };
+        self.commands.try_send(command).map_err(|error| match error {
+            mpsc::error::TrySendError::Full(_) => RendererError::Busy { what: "commands", limit: COMMAND_CAPACITY },
+            mpsc::error::TrySendError::Closed(_) => RendererError::Stopped,
+        })?;
+        Ok(JobTicket { progress, cancel, result })
+    }
+
+    /// Tells the actor that a slot became wanted. A full queue is fine: the actor is awake then.
+    pub fn wake(&self) {
+        let _ = self.commands.try_send(Command::Wake);
+    }
+
+    /// Asks the actor to lose its device, where its configuration allows that.
+    pub async fn lose_device(&self) -> Result<(), RendererError> {
+        self.send(Command::LoseDevice).await
+    }
+
+    /// Asks the actor to stop.
+    pub async fn stop(&self) {
+        let _ = self.send(Command::Stop).await;
+    }
+
+    fn key(&self) -> u64 {
+        self.next_key.fetch_add(1, Ordering::Relaxed)
+    }
+
+    async fn send(&self, command: Command) -> Result<(), RendererError> {
+        self.commands.send(command).await.map_err(|_| RendererError::Stopped)
+    }
+
+    async fn ask<T>(
+        &self,
+        make: impl FnOnce(oneshot::Sender<Result<T, RendererError>>) -> Command,
+    ) -> Result<T, RendererError> {
+        let (reply, answer) = oneshot::channel();
+        self.send(make(reply)).await?;
+        answer.await.map_err(|_| RendererError::Stopped)?
+    }
+}

@@ -1,0 +1,184 @@
+//! Batch renders: one picture at a stated error, sample count or deadline.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use surfelcast_scene::{Camera, Scene};
+
+use crate::lights::SessionLights;
+
+/// When to stop; whichever holds first. At least one must be set.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StopRules {
+    /// Samples a pixel.
+    pub samples: Option<u32>,
+    /// Tone-mapped RMSE by the error audit.
+    pub max_error: Option<f32>,
+    /// Wall time of rendering.
+    pub time_limit: Option<Duration>,
+}
+
+/// How surfaces scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum MaterialMode {
+    /// glTF metallic-roughness with its extensions.
+    #[default]
+    Pbr,
+    /// Two-sided Lambertian of the base colour.
+    Lambert,
+}
+
+/// Extra output instead of radiance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Aov {
+    /// Base colour of the first surface.
+    Albedo,
+    /// World-space shading normal.
+    Normal,
+    /// Distance along the optical axis, metres; 0 where nothing is hit.
+    Depth,
+    /// World-space position.
+    Position,
+    /// Node index + 1; 0 where nothing is hit.
+    InstanceId,
+    /// Emission and direct light.
+    Direct,
+    /// Light that bounced at least once.
+    Indirect,
+    /// Indirect irradiance over pi, albedo left out: B.
+    Irradiance,
+    /// Samples a pixel.
+    SampleCount,
+    /// Variance of the pixel's mean radiance (luminance).
+    Variance,
+}
+
+impl Aov {
+    /// All, with the names used on the command line and over HTTP.
+    pub const ALL: [(&'static str, Self); 10] = [
+        ("albedo", Self::Albedo),
+        ("normal", Self::Normal),
+        ("depth", Self::Depth),
+        ("position", Self::Position),
+        ("instance_id", Self::InstanceId),
+        ("direct", Self::Direct),
+        ("indirect", Self::Indirect),
+        ("irradiance", Self::Irradiance),
+        ("sample_count", Self::SampleCount),
+        ("variance", Self::Variance),
+    ];
+
+    /// The one of that name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(n, _)| *n == name).map(|(_, aov)| *aov)
+    }
+}
+
+/// One picture to render.
+#[derive(Clone, Debug)]
+pub struct RenderJob {
+    /// Scene.
+    pub scene: Arc<Scene>,
+    /// Lights; `None` = the scene's own.
+    pub lights: Option<SessionLights>,
+    /// Camera, world space.
+    pub camera: Camera,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Technique id.
+    pub technique: String,
+    /// Materials.
+    pub materials: MaterialMode,
+    /// Seed: the same job on the same device gives the same picture, unless a time limit ended it.
+    pub seed: u64,
+    /// When to stop.
+    pub stop: StopRules,
+    /// Exposure used by the error metric (pixels stay unexposed).
+    pub exposure: f32,
+    /// Output; `None` = radiance.
+    pub aov: Option<Aov>,
+}
+
+/// Progress of a job, for a `watch` channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JobProgress {
+    /// Whether rendering has begun.
+    pub is_running: bool,
+    /// Samples a pixel so far.
+    pub samples: u32,
+    /// Share done by the nearest stop rule, in [0, 1].
+    pub fraction: f32,
+    /// Latest audit.
+    pub error: Option<ErrorEstimate>,
+}
+
+/// Audited error of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct ErrorEstimate {
+    /// RMSE after the tone map `k = 1 / (1 + max(r, g, b))`.
+    pub rmse_tonemapped: f32,
+    /// Mean squared error relative to `r^2 + 0.01 mean(r)^2`.
+    pub rel_mse: f32,
+    /// Standard error of `rmse_tonemapped`.
+    pub std_error: f32,
+}
+
+/// Rays traced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct RayCounts {
+    /// From the camera.
+    pub primary: u64,
+    /// Continuations.
+    pub secondary: u64,
+    /// Visibility of lights.
+    pub shadow: u64,
+}
+
+/// Time of one pass, summed over the job or frame.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PassTime {
+    /// Pass = kernel = file name.
+    pub name: String,
+    /// Milliseconds on the device (wall time around the submit on CPU devices).
+    pub gpu_ms: f64,
+    /// Dispatches.
+    pub dispatches: u32,
+}
+
+/// A pass that was not needed.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct SkippedPass {
+    /// Pass.
+    pub name: String,
+    /// Why not.
+    pub reason: String,
+}
+
+/// A finished job.
+#[derive(Clone, Debug)]
+pub struct RenderOutput {
+    /// Linear, unexposed RGB (scalars repeated three times), first row on top.
+    pub pixels: Vec<[f32; 3]>,
+    /// Size.
+    pub size: [u32; 2],
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Error audit; `None` for outputs other than radiance.
+    pub error: Option<ErrorEstimate>,
+    /// Rays.
+    pub rays: RayCounts,
+    /// Seconds of rendering, upload and pipelines left out.
+    pub render_secs: f64,
+    /// Seconds of upload and pipeline creation.
+    pub setup_secs: f64,
+    /// Passes that ran.
+    pub passes: Vec<PassTime>,
+    /// Passes that did not.
+    pub skipped: Vec<SkippedPass>,
+    /// Non-finite values met in the accumulation; 0 unless there is a bug.
+    pub non_finite: u64,
+    /// Bytes held on the device by kind: `scene`, `view`, `staging`.
+    pub memory_bytes: Vec<(String, u64)>,
+    /// Why it stopped: `samples`, `max_error`, `time_limit` or `canceled`.
+    pub stopped_by: &'static str,
+}

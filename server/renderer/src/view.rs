@@ -1,0 +1,75 @@
+//! Interactive views and the frames they produce.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use surfelcast_scene::Camera;
+
+use crate::job::{ErrorEstimate, PassTime, SkippedPass};
+
+/// What a view shows. Newest wins: the actor keeps the latest value only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewState {
+    /// Camera, world space.
+    pub camera: Camera,
+    /// Full size in pixels; at least 1, limits are the service's matter.
+    pub size: [u32; 2],
+    /// Linear exposure.
+    pub exposure: f32,
+    /// Technique id, one of [`crate::RendererStatus::techniques`].
+    pub technique: String,
+    /// A gesture is under way: render fast and coarse.
+    pub is_moving: bool,
+    /// Nothing is rendered while true.
+    pub is_paused: bool,
+    /// Largest resolution factor while moving, in (0, 1]; lowered by rate control.
+    pub max_scale: f32,
+    /// Time aimed at for a frame while moving, seconds.
+    pub target_frame_secs: f32,
+    /// Refinement ends at this tone-mapped RMSE.
+    pub max_error: f32,
+    /// Refinement ends at this many samples a pixel.
+    pub max_samples: u32,
+    /// Last client input contained in this state.
+    pub input_seq: u32,
+}
+
+/// What stage of refinement a frame shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameKind {
+    /// During a gesture; maybe at reduced size.
+    Moving,
+    /// At rest, still refining; full size.
+    Still,
+    /// Converged: no frame follows until something changes.
+    Final,
+}
+
+/// One rendered picture, ready for an encoder.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// RGBA8, sRGB-encoded after exposure and tone map, first row on top; alpha is 255. `size[0] * size[1] * 4` bytes.
+    pub pixels: Arc<[u8]>,
+    /// Size of `pixels`.
+    pub size: [u32; 2],
+    /// Size at which the client shows it.
+    pub full_size: [u32; 2],
+    /// Stage.
+    pub kind: FrameKind,
+    /// Last client input contained.
+    pub input_seq: u32,
+    /// Revision of scene and lights contained.
+    pub scene_rev: u32,
+    /// Accumulated samples a pixel.
+    pub samples: u32,
+    /// Audited error of this picture, once there is one.
+    pub error: Option<ErrorEstimate>,
+    /// Wall seconds the actor spent on it since the frame before.
+    pub render_secs: f32,
+    /// When it was finished.
+    pub finished_at: Instant,
+    /// Passes that ran.
+    pub passes: Vec<PassTime>,
+    /// Passes that did not.
+    pub skipped: Vec<SkippedPass>,
+}
