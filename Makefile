@@ -1,0 +1,59 @@
+# Every command a person or a machine runs on this project. `make serve` and `make test` need nothing but a clone and Rust
+# (and Node, for the tests): they install what is missing, or say what to install.
+#
+# Why it is built the way it is:
+# - One profile, release, for serving, testing and measuring: path tracing on a software GPU is far too slow otherwise,
+#   and one profile means that everything is compiled once. Overflow checks stay on in it.
+# - `make test` builds programs and tests in one call of cargo, because cargo chooses features per call: two calls would
+#   compile some dependencies twice.
+# - Tests that use the GPU run at most two at a time (.config/nextest.toml): a software GPU uses every core by itself.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+ARGS ?=
+CARGO ?= cargo
+
+.PHONY: help
+help: ## Show these commands
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1|\2/p' Makefile | while IFS='|' read -r name text; do printf '%-20s %s\n' "$$name" "$$text"; done
+
+.PHONY: deps
+deps: ## Install what building and serving needs
+	@deploy/install-deps.sh
+
+.PHONY: deps-tests
+deps-tests: ## Install what the tests need as well
+	@deploy/install-deps.sh --tests
+
+.PHONY: build
+build: deps ## Compile the server (target/release/surfelcast)
+	$(CARGO) build --release --locked --package surfelcast
+
+.PHONY: serve
+serve: deps ## Compile and run the server with the demo scenes; ARGS="--bind 0.0.0.0:8080 --scene my.glb" to change that
+	$(CARGO) run --release --locked --package surfelcast -- serve $(ARGS)
+
+.PHONY: test
+test: deps-tests ## Run every test: format, lints, Rust, browser client, browser against server
+	@tests/run-all.sh
+
+.PHONY: check
+check: deps-tests ## Format, lints, documentation and types; runs no test
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --release --locked --workspace --all-targets -- --deny warnings
+	RUSTDOCFLAGS="--deny warnings" $(CARGO) doc --release --locked --workspace --no-deps
+	cd web-client && npm run check
+
+.PHONY: bench
+bench: deps ## Rays per second against a CPU traversal of the same hierarchy
+	$(CARGO) bench --locked --package surfelcast-tests
+
+.PHONY: deny
+deny: ## Licences, bans, sources and advisories of all dependencies (needs cargo-deny)
+	@$(CARGO) deny --version >/dev/null 2>&1 || { echo "cargo-deny is not installed: cargo install --locked cargo-deny" >&2; exit 2; }
+	$(CARGO) deny --workspace --all-features check
+
+.PHONY: clean
+clean: ## Remove everything that was built or fetched
+	$(CARGO) clean
+	rm -rf web-client/node_modules tests/browser/node_modules
