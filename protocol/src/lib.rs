@@ -8,6 +8,7 @@ pub mod client;
 pub mod close;
 pub mod frame;
 pub mod limits;
+pub mod parse;
 pub mod problem;
 pub mod server;
 pub mod settings;
