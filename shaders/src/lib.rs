@@ -1,1 +1,26 @@
-//! placeholder
+//! The shader library and its Rust counterpart. Knows no wgpu, so everything here is tested without a GPU.
+//!
+//! * `lib/` holds WESL modules that kernels import (`import package::lib::core::rng::next_float;`).
+//! * `techniques/<id>/` holds kernels: one entry point a file, named like the file. That one name is also the label of
+//!   the pass and of its timer.
+//! * [`link`] turns a kernel and a set of [`Features`] into plain WGSL with a [`Reflection`] of what it binds.
+//! * [`constants`] are written once, in Rust, and imported by shaders from `package::constants`.
+//! * [`layout`] holds the structures that cross from the host to shaders; a test compares each with the WGSL structure
+//!   of the same name, in every kernel and variant.
+
+extern crate self as surfelcast_shaders;
+
+mod catalogue;
+pub mod constants;
+mod features;
+pub mod layout;
+mod link;
+mod reflect;
+
+pub use catalogue::{KernelInfo, Module, kernels, modules};
+pub use features::{Feature, Features};
+pub use link::{LinkError, LinkedKernel, link, link_source, validate};
+pub use reflect::{Access, Binding, MemberLayout, Reflection, StructLayout};
+
+/// naga, for callers that inspect a linked kernel further.
+pub use naga;

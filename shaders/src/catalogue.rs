@@ -1,0 +1,114 @@
+//! Every shader file, embedded into the binary, and the list of kernels among them.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use rust_embed::RustEmbed;
+
+#[derive(RustEmbed)]
+#[folder = "lib/"]
+#[prefix = "lib/"]
+struct LibraryFiles;
+
+#[derive(RustEmbed)]
+#[folder = "techniques/"]
+#[prefix = "techniques/"]
+struct TechniqueFiles;
+
+/// One shader file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Module {
+    /// Path under the shader root, such as `lib/core/rng.wesl`.
+    pub file: String,
+    /// Path as imports spell it after `package::`, such as `lib::core::rng`.
+    pub path: String,
+    /// Text.
+    pub text: String,
+}
+
+/// One kernel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KernelInfo {
+    /// File stem, entry point, pass label and timer name in one. Unique.
+    pub name: String,
+    /// Path under the shader root.
+    pub file: String,
+    /// Path as imports spell it after `package::`.
+    pub path: String,
+}
+
+struct Catalogue {
+    /// By path.
+    modules: BTreeMap<String, Module>,
+    /// Sorted by name.
+    kernels: Vec<KernelInfo>,
+}
+
+fn catalogue() -> &'static Catalogue {
+    static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
+    CATALOGUE.get_or_init(|| {
+        let library = LibraryFiles::iter().map(|file| (LibraryFiles::get(&file), file));
+        let techniques = TechniqueFiles::iter().map(|file| (TechniqueFiles::get(&file), file));
+        let files = library.chain(techniques).filter_map(|(content, file)| {
+            let text = String::from_utf8_lossy(&content?.data).into_owned();
+            Some((file.into_owned(), text))
+        });
+        build(files)
+    })
+}
+
+fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {
+    let mut modules = BTreeMap::new();
+    let mut kernels = Vec::new();
+    for (file, text) in files {
+        let Some(stem) = file.strip_suffix(".wesl") else { continue };
+        let path = stem.replace('/', "::");
+        if file.starts_with("techniques/") && is_kernel(&text) {
+            let name = stem.rsplit('/').next().unwrap_or(stem).to_owned();
+            kernels.push(KernelInfo { name, file: file.clone(), path: path.clone() });
+        }
+        modules.insert(path.clone(), Module { file, path, text });
+    }
+    kernels.sort_by(|a, b| a.name.cmp(&b.name));
+    Catalogue { modules, kernels }
+}
+
+/// A file is a kernel when it has an entry point outside comments.
+fn is_kernel(text: &str) -> bool {
+    text.lines().any(|line| line.split("//").next().unwrap_or("").contains("@compute"))
+}
+
+/// All kernels, sorted by name.
+pub fn kernels() -> &'static [KernelInfo] {
+    &catalogue().kernels
+}
+
+/// All shader files, sorted by path.
+pub fn modules() -> impl Iterator<Item = &'static Module> {
+    catalogue().modules.values()
+}
+
+pub(crate) fn module(path: &str) -> Option<&'static Module> {
+    catalogue().modules.get(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_with_an_entry_point_under_techniques_are_kernels() {
+        let files = [
+            ("lib/core/rng.wesl", "fn next() {}"),
+            ("lib/core/trap.wesl", "@compute fn no() {}"),
+            ("techniques/path/path_trace.wesl", "// the kernel\n@compute @workgroup_size(64) fn path_trace() {}"),
+            ("techniques/path/helper.wesl", "// mentions @compute only here\nfn helper() {}"),
+            ("techniques/path/README.md", "@compute"),
+        ];
+        let built = build(files.into_iter().map(|(file, text)| (file.to_owned(), text.to_owned())));
+        assert_eq!(built.kernels.len(), 1);
+        assert_eq!(built.kernels[0].name, "path_trace");
+        assert_eq!(built.kernels[0].path, "techniques::path::path_trace");
+        assert_eq!(built.modules.len(), 4);
+    }
+}

@@ -1,0 +1,61 @@
+//! Numbers that Rust and shaders must agree on. Written here once; shaders import them from `package::constants`.
+
+/// A value as WGSL text.
+trait WgslLiteral {
+    const TYPE: &'static str;
+    fn literal(&self) -> String;
+}
+
+impl WgslLiteral for u32 {
+    const TYPE: &'static str = "u32";
+    fn literal(&self) -> String {
+        format!("{self}u")
+    }
+}
+
+impl WgslLiteral for i32 {
+    const TYPE: &'static str = "i32";
+    fn literal(&self) -> String {
+        format!("{self}i")
+    }
+}
+
+impl WgslLiteral for f32 {
+    const TYPE: &'static str = "f32";
+    fn literal(&self) -> String {
+        format!("{self:?}f")
+    }
+}
+
+macro_rules! shader_constants {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $value:expr;)+) => {
+        $($(#[$doc])* pub const $name: $type = $value;)+
+
+        /// The text of the module `package::constants`.
+        pub(crate) fn module_text() -> String {
+            let mut text = String::new();
+            $(text.push_str(&format!(
+                "const {}: {} = {};\n", stringify!($name), <$type as WgslLiteral>::TYPE, WgslLiteral::literal(&$name)
+            ));)+
+            text
+        }
+    };
+}
+
+shader_constants! {
+    /// Invocations of a workgroup of a one-dimensional kernel.
+    WORKGROUP_SIZE: u32 = 64;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constants_become_text() {
+        assert!(module_text().contains("const WORKGROUP_SIZE: u32 = 64u;\n"));
+        assert_eq!((-1e-10_f32).literal(), "-1e-10f");
+        assert_eq!(3.0_f32.literal(), "3.0f");
+        assert_eq!((-7_i32).literal(), "-7i");
+    }
+}
