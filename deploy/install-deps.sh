@@ -37,7 +37,7 @@ at_least() { [ "$(printf '%s\n%s\n' "$2" "$1" | sort -V | head -n 1)" = "$2" ]; 
 vulkan_driver_present() {
   [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}${VK_ADD_DRIVER_FILES:-}" ] || return 0
   local folder
-  for folder in /etc /usr/share /usr/local/share /usr/local/etc "${XDG_DATA_HOME:-${HOME:-/root}/.local/share}"; do
+  for folder in /etc /usr/share /usr/local/share /usr/local/etc "${XDG_DATA_HOME:-${HOME:-}/.local/share}"; do
     compgen -G "$folder/vulkan/icd.d/*.json" >/dev/null && return 0
   done
   return 1

@@ -1,0 +1,294 @@
+//! House rules that are cheaper to check than to remember. Each fault names the file, the rule and the way out.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, ensure};
+
+/// Files of code aim at 500 lines; past this many, a file must be split or stand in [`LONG_FILES`].
+const LINE_LIMIT: usize = 700;
+
+/// Long files that are one idea all the same: (path, reason).
+const LONG_FILES: &[(&str, &str)] = &[];
+
+/// Folders that hold nothing written by people.
+const SKIPPED_FOLDERS: &[&str] = &[".git", "target", "node_modules", "data"];
+
+const CODE: &[&str] = &["rs", "wesl", "wgsl", "js", "css", "html", "sh"];
+const TEXT: &[&str] = &["md", "toml", "json", "yml", "yaml", "service"];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests folder lies in the workspace")
+}
+
+/// One file of the project.
+struct Source {
+    /// Path from the root, with forward slashes.
+    path: String,
+    text: String,
+}
+
+impl Source {
+    fn is(&self, extensions: &[&str]) -> bool {
+        self.path.rsplit_once('.').is_some_and(|(_, extension)| extensions.contains(&extension))
+    }
+}
+
+/// All code and text, sorted by path.
+fn sources() -> Result<Vec<Source>> {
+    fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
+        for entry in fs::read_dir(folder)? {
+            let entry = entry?;
+            let name = entry.file_name();
+            let kind = entry.file_type()?;
+            if kind.is_dir() && !SKIPPED_FOLDERS.iter().any(|skipped| name == *skipped) {
+                walk(&entry.path(), found)?;
+            } else if kind.is_file() {
+                found.push(entry.path());
+            }
+        }
+        Ok(())
+    }
+    let mut found = Vec::new();
+    walk(root(), &mut found)?;
+    found.sort();
+    let mut sources = Vec::new();
+    for file in found {
+        let path = file.strip_prefix(root())?.to_string_lossy().replace('\\', "/");
+        let extension = file.extension().unwrap_or_default().to_string_lossy().into_owned();
+        let is_text = CODE.contains(&extension.as_str()) || TEXT.contains(&extension.as_str()) || path == "Makefile";
+        if is_text && !path.ends_with("package-lock.json") {
+            let text = fs::read_to_string(&file).with_context(|| format!("{path} is not UTF-8"))?;
+            sources.push(Source { path, text });
+        }
+    }
+    ensure!(sources.len() > 30, "only {} files seen: the test looks in the wrong place", sources.len());
+    Ok(sources)
+}
+
+fn report(faults: &[String]) -> Result<()> {
+    ensure!(faults.is_empty(), "{}", faults.join("\n"));
+    Ok(())
+}
+
+#[test]
+fn files_stay_readable() -> Result<()> {
+    let mut faults = Vec::new();
+    for source in sources()?.iter().filter(|source| source.is(CODE)) {
+        let lines = source.text.lines().count();
+        match LONG_FILES.iter().find(|(path, _)| *path == source.path) {
+            None if lines > LINE_LIMIT => faults.push(format!(
+                "{}: {lines} lines, the limit is {LINE_LIMIT}; split it, or list it in LONG_FILES with a reason",
+                source.path
+            )),
+            Some(_) if lines <= LINE_LIMIT => {
+                faults.push(format!("{}: only {lines} lines; take it off LONG_FILES", source.path));
+            }
+            _ => {}
+        }
+    }
+    for (path, _) in LONG_FILES.iter().filter(|(path, _)| !root().join(path).is_file()) {
+        faults.push(format!("{path}: in LONG_FILES, but no such file"));
+    }
+    report(&faults)
+}
+
+#[test]
+fn nothing_is_left_unfinished() -> Result<()> {
+    // Written in halves so that this file passes its own rule.
+    let marks = [
+        ["to", "do!("],
+        ["unimpl", "emented!("],
+        ["#[ig", "nore"],
+        ["FIX", "ME"],
+        ["XX", "X:"],
+        ["test.on", "ly("],
+        ["test.sk", "ip("],
+        ["describe.on", "ly("],
+    ]
+    .map(|halves| halves.concat());
+    let mut faults = Vec::new();
+    for source in sources()?.iter().filter(|source| source.is(CODE)) {
+        for (number, line) in source.text.lines().enumerate() {
+            for mark in marks.iter().filter(|mark| line.contains(mark.as_str())) {
+                faults.push(format!(
+                    "{}:{}: {mark} is unfinished work; finish it or take it out",
+                    source.path,
+                    number + 1
+                ));
+            }
+        }
+    }
+    report(&faults)
+}
+
+#[test]
+fn kernel_folders_explain_themselves() -> Result<()> {
+    let techniques = root().join("shaders/techniques");
+    let mut faults = Vec::new();
+    if techniques.is_dir() {
+        for entry in fs::read_dir(techniques)? {
+            let folder = entry?.path();
+            if folder.is_dir() && !folder.join("README.md").is_file() {
+                let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                faults.push(format!(
+                    "shaders/techniques/{name} has no README.md: say what it computes, from which papers, with which \
+                     buffers, and whether it is biased"
+                ));
+            }
+        }
+    }
+    faults.sort();
+    report(&faults)
+}
+
+#[test]
+fn crates_share_lints_and_version() -> Result<()> {
+    let mut faults = Vec::new();
+    for source in sources()?.iter().filter(|source| source.path.ends_with("/Cargo.toml")) {
+        let manifest: toml::Table = source.text.parse().with_context(|| format!("{} is not TOML", source.path))?;
+        // A fuzz target is a workspace of its own, with nightly-only tools.
+        if manifest.contains_key("workspace") {
+            continue;
+        }
+        let inherits = |value: Option<&toml::Value>| {
+            value.and_then(|value| value.get("workspace")).and_then(toml::Value::as_bool) == Some(true)
+        };
+        if !inherits(manifest.get("lints")) {
+            faults.push(format!("{}: write `[lints] workspace = true`", source.path));
+        }
+        for field in ["version", "edition", "license", "publish"] {
+            if !inherits(manifest.get("package").and_then(|package| package.get(field))) {
+                faults.push(format!("{}: write `{field}.workspace = true`", source.path));
+            }
+        }
+        for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
+            let dependencies = manifest.get(section).and_then(toml::Value::as_table);
+            for (name, value) in dependencies.into_iter().flatten().filter(|(_, value)| !inherits(Some(value))) {
+                faults
+                    .push(format!("{}: {name} = {value:?}: state versions once, in the root Cargo.toml", source.path));
+            }
+        }
+    }
+    report(&faults)
+}
+
+/// Name that a heading is linked by, as code hosts form it.
+fn anchor(heading: &str) -> String {
+    heading
+        .trim()
+        .chars()
+        .filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'))
+        .map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() })
+        .collect()
+}
+
+/// Text with fenced code blocks left out: what looks like a link or a heading there is neither.
+fn without_code_blocks(text: &str) -> impl Iterator<Item = &str> {
+    let mut is_code = false;
+    text.lines().filter(move |line| {
+        let is_fence = line.trim_start().starts_with("```");
+        is_code ^= is_fence;
+        !is_code && !is_fence
+    })
+}
+
+fn anchors(text: &str) -> BTreeSet<String> {
+    without_code_blocks(text)
+        .filter(|line| line.starts_with('#'))
+        .map(|line| anchor(line.trim_start_matches('#')))
+        .collect()
+}
+
+#[test]
+fn links_in_documents_lead_somewhere() -> Result<()> {
+    let mut faults = Vec::new();
+    for source in sources()?.iter().filter(|source| source.is(&["md"])) {
+        let folder = root().join(&source.path).parent().context("a file has a folder")?.to_owned();
+        for line in without_code_blocks(&source.text) {
+            // A link is `](target)`; the label before it does not matter.
+            for rest in line.split("](").skip(1) {
+                let Some(target) = rest.split([')', ' ']).next() else { continue };
+                if target.contains("://") || target.starts_with("mailto:") {
+                    continue;
+                }
+                let (file, fragment) = target.split_once('#').unwrap_or((target, ""));
+                let path = if file.is_empty() { root().join(&source.path) } else { folder.join(file) };
+                if !path.exists() {
+                    faults.push(format!("{}: link to {target}: no such file", source.path));
+                } else if !fragment.is_empty()
+                    && path.extension().is_some_and(|extension| extension == "md")
+                    && !anchors(&fs::read_to_string(&path)?).contains(fragment)
+                {
+                    faults.push(format!("{}: link to {target}: no such heading", source.path));
+                }
+            }
+        }
+    }
+    report(&faults)
+}
+
+/// Code in a document: the lines of its blocks, and what stands between backquotes.
+fn code_snippets(text: &str) -> Vec<&str> {
+    let mut is_code = false;
+    let mut snippets = Vec::new();
+    for line in text.lines() {
+        if line.trim_start().starts_with("```") {
+            is_code = !is_code;
+        } else if is_code {
+            snippets.push(line);
+        } else {
+            snippets.extend(line.split('`').skip(1).step_by(2));
+        }
+    }
+    snippets
+}
+
+#[test]
+fn documented_commands_exist() -> Result<()> {
+    let makefile = fs::read_to_string(root().join("Makefile"))?;
+    let targets: BTreeSet<&str> = makefile
+        .lines()
+        .filter(|line| line.starts_with(|c: char| c.is_ascii_lowercase()))
+        .filter_map(|line| line.split_once(": ").or_else(|| line.split_once(':')).map(|(target, _)| target))
+        .collect();
+    let mut faults = Vec::new();
+    for source in sources()?.iter().filter(|source| source.is(&["md"])) {
+        for code in code_snippets(&source.text) {
+            let Some(arguments) = code.trim_start_matches(['$', ' ']).strip_prefix("make ") else { continue };
+            let target = arguments.split_whitespace().find(|word| !word.contains('='));
+            if let Some(target) = target.filter(|target| !targets.contains(target)) {
+                faults.push(format!("{}: `make {target}` is not in the Makefile", source.path));
+            }
+        }
+    }
+    for line in makefile.lines().filter(|line| line.starts_with(".PHONY: ")) {
+        let target = line.trim_start_matches(".PHONY: ");
+        if !makefile.lines().any(|line| line.starts_with(&format!("{target}:")) && line.contains("## ")) {
+            faults.push(format!("Makefile: {target} has no `## explanation`, so `make help` does not show it"));
+        }
+    }
+    report(&faults)
+}
+
+#[test]
+fn nothing_names_a_developers_folder() -> Result<()> {
+    let folders = ["home", "Users", "root", "work", "workspace"].map(|name| format!("/{name}/"));
+    let mut faults = Vec::new();
+    for source in sources()? {
+        for (number, line) in source.text.lines().enumerate() {
+            for folder in &folders {
+                // `a/home/b` is a relative path or part of an address; only a path that starts there is meant.
+                let starts_there = line.match_indices(folder.as_str()).any(|(at, _)| {
+                    !line[..at]
+                        .ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '}' | ')' | '*'))
+                });
+                if starts_there {
+                    faults.push(format!("{}:{}: {folder} is a folder of one machine", source.path, number + 1));
+                }
+            }
+        }
+    }
+    report(&faults)
+}
