@@ -1,0 +1,97 @@
+/**
+ * One line over the picture's lower edge: has it settled, how well, how fast. Updated at most four times a second, and
+ * once more after the last frame so that the rates fall back to zero; then it rests.
+ */
+
+import { flags } from '../protocol/frame.js';
+import { auditedError, bytes, count, milliseconds } from './format.js';
+
+const INTERVAL_MS = 250;
+/** Rates look back a second. */
+const AFTERMATH_MS = 1050;
+
+export class Hud {
+  /** @type {import('../protocol/frame.js').FrameHeader | undefined} */
+  #frame;
+  /** @type {import('../protocol/messages.js').Stats | undefined} */
+  #stats;
+  #moving = false;
+  #frameAt = 0;
+  /** @type {number | undefined} */
+  #timer;
+
+  /**
+   * @param {HTMLElement} element with children `.state`, `.progress`, `.rates`
+   * @param {import('../view/surfelcast-view.js').SurfelcastView} view
+   * @param {import('./stats-panel.js').StatsPanel} panel gets the same measurements
+   */
+  constructor(element, view, panel) {
+    this.element = element;
+    this.view = view;
+    this.panel = panel;
+    /** @param {string} name */
+    const part = (name) => /** @type {HTMLElement} */ (element.querySelector(name));
+    this.progress = part('.progress');
+    this.rates = part('.rates');
+  }
+
+  /** @param {import('../protocol/frame.js').FrameHeader} frame */
+  frame(frame) {
+    this.#frame = frame;
+    this.#frameAt = performance.now();
+    this.#schedule(INTERVAL_MS);
+  }
+
+  /** @param {import('../protocol/messages.js').Stats} stats */
+  stats(stats) {
+    this.#stats = stats;
+    this.#schedule(INTERVAL_MS);
+  }
+
+  /** @param {boolean} moving */
+  moving(moving) {
+    this.#moving = moving;
+    // Old figures belong to another picture.
+    if (moving) this.#stats = undefined;
+    this.#schedule(INTERVAL_MS);
+  }
+
+  /** Nothing is known any more. */
+  clear() {
+    this.#frame = undefined;
+    this.#stats = undefined;
+    this.#schedule(0);
+  }
+
+  /** @param {number} ms */
+  #schedule(ms) {
+    this.#timer ??= window.setTimeout(() => {
+      this.#timer = undefined;
+      this.#render();
+    }, ms);
+  }
+
+  #render() {
+    this.element.hidden = !this.#frame;
+    if (!this.#frame) return;
+    const measured = this.view.measure();
+    const settled = !this.#moving && (this.#stats?.converged ?? (this.#frame.flags & flags.FINAL) !== 0);
+    this.element.dataset['state'] = this.#moving ? 'moving' : settled ? 'settled' : 'refining';
+    this.progress.textContent = this.#progressText(settled);
+    const [width, height] = this.#frame.fullSize;
+    const parts = [`${width} × ${height}`];
+    if (measured.framesPerSecond > 0) parts.unshift(`${count(measured.framesPerSecond)} fps`, `${bytes(measured.bytesPerSecond)}/s`);
+    if (measured.latency) parts.push(`${count(measured.latency.p50)} / ${milliseconds(measured.latency.p95)}`);
+    this.rates.textContent = parts.join('  ·  ');
+    this.panel.measured(measured);
+    if (performance.now() - this.#frameAt < AFTERMATH_MS) this.#schedule(AFTERMATH_MS / 2);
+  }
+
+  /** @param {boolean} settled */
+  #progressText(settled) {
+    if (this.#moving) return 'Moving';
+    const samples = `${count(Math.max(this.#stats?.samples ?? 0, this.#frame?.samples ?? 0))} samples`;
+    const error = this.#stats?.error ? auditedError(this.#stats.error) : samples;
+    return `${settled ? 'Settled' : 'Refining'}: ${error}`;
+  }
+}

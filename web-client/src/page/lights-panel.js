@@ -1,0 +1,150 @@
+/**
+ * The lights of the session: list, add, remove, edit; strength of environment and emissive surfaces.
+ */
+
+import { add, mix, normalize, scale, subtract, length } from '../view/vector.js';
+import { Gesture } from '../view/gesture.js';
+import { h } from './dom.js';
+import { slider } from './fields.js';
+import { LightEditor } from './light-editor.js';
+import { logScale } from './quantities.js';
+
+/** @typedef {import('../protocol/messages.js').Light} Light */
+/** @typedef {import('../protocol/messages.js').LightPatch} LightPatch */
+
+const STRENGTH = logScale(1e-2, 1e2, 400);
+
+export class LightsPanel {
+  /** @type {Map<number, LightEditor>} */
+  #editors = new Map();
+  /** What the open gesture edits: a light's id or the name of a strength. @type {number | string | undefined} */
+  #editing;
+  /** Whether the next new light is ours, to be opened for editing. */
+  #added = false;
+  /** @type {Gesture<LightPatch>} */
+  #gesture;
+
+  /**
+   * @param {HTMLElement} host
+   * @param {import('../view/surfelcast-view.js').SurfelcastView} view
+   */
+  constructor(host, view) {
+    this.view = view;
+    this.#gesture = new Gesture((patch, phase) => view.editLights(patch, phase));
+    this.list = h('ul', { className: 'lights' });
+    this.none = h('p', { className: 'empty', textContent: 'This scene has no lights of its own. Add one, or light it by its environment.' });
+    /** @param {'point' | 'spot' | 'directional'} kind @param {string} text */
+    const adder = (kind, text) => h('button', { type: 'button', textContent: text, 'aria-label': `Add ${text.toLowerCase()} light`, onclick: () => this.#add(kind) });
+    this.adders = [adder('point', 'Point'), adder('spot', 'Spot'), adder('directional', 'Sun')];
+    this.environment = this.#strength('Environment', 'environment_strength');
+    this.emissive = this.#strength('Emissive surfaces', 'emissive_strength');
+    host.append(
+      this.list,
+      this.none,
+      h('div', { className: 'adders', role: 'group', 'aria-label': 'Add a light' }, h('span', { className: 'label' }, 'Add'), ...this.adders),
+      h('div', { className: 'controls strengths' }, this.environment.element, this.emissive.element),
+    );
+  }
+
+  /** @param {import('../protocol/messages.js').LightState} state */
+  update(state) {
+    const known = new Set(state.lights.map(({ id }) => id));
+    for (const [id, editor] of this.#editors) {
+      if (known.has(id)) continue;
+      editor.element.remove();
+      this.#editors.delete(id);
+    }
+    for (const light of state.lights) this.#show(light);
+    this.#added = false;
+    this.none.hidden = state.lights.length > 0;
+    const full = state.lights.length >= (this.view.welcome?.limits.max_lights ?? Infinity);
+    for (const adder of this.adders) adder.disabled = full;
+    this.environment.element.hidden = !state.has_environment;
+    if (this.#editing !== 'environment_strength') this.environment.set(state.environment_strength);
+    if (this.#editing !== 'emissive_strength') this.emissive.set(state.emissive_strength);
+  }
+
+  /** Another session's lights are about to come. */
+  clear() {
+    this.#gesture.abandon();
+    this.#editing = undefined;
+    this.#editors.clear();
+    this.list.replaceChildren();
+  }
+
+  /** @param {Light} light */
+  #show(light) {
+    const editor = this.#editors.get(light.id);
+    if (editor) {
+      // The hand on the slider knows better than the echo of where it was.
+      if (this.#editing !== light.id) editor.update(light);
+      return;
+    }
+    const made = new LightEditor(light, {
+      changed: (changed, done) => this.#edit(changed.id, { set: changed }, done),
+      removed: (id) => this.#edit(id, { remove: id }, true),
+      focus: () => this.view.rig.pose.target,
+      step: () => this.view.rig.radius / 400,
+    });
+    this.#editors.set(light.id, made);
+    this.list.append(made.element);
+    if (this.#added) made.open();
+  }
+
+  /**
+   * @param {number | string} subject
+   * @param {LightPatch} patch
+   * @param {boolean} done
+   */
+  #edit(subject, patch, done) {
+    if (this.#editing !== undefined && this.#editing !== subject) this.#gesture.end();
+    if (!done) {
+      this.#editing = subject;
+      this.#gesture.move(patch);
+      return;
+    }
+    this.#editing = undefined;
+    // Replaces the last move by the value that was let go of.
+    this.#gesture.once(patch);
+  }
+
+  /** @param {Light['kind']} kind */
+  #add(kind) {
+    const { pose } = this.view.rig;
+    const distance = length(subtract(pose.eye, pose.target));
+    const exposure = this.view.exposure;
+    // Above and in front of what is being looked at, bright enough to be seen at the present exposure.
+    const position = add(mix(pose.target, pose.eye, 0.3), scale(normalize(pose.up), 0.3 * distance));
+    const away = length(subtract(position, pose.target));
+    const labels = { point: 'Point light', spot: 'Spot light', directional: 'Sun' };
+    /** @type {Light} */
+    const light = {
+      id: 0,
+      name: labels[kind],
+      kind,
+      position,
+      direction: kind === 'directional' ? normalize([-0.5, -1, -0.35]) : normalize(subtract(pose.target, position), [0, -1, 0]),
+      color: [1, 1, 1],
+      intensity: kind === 'directional' ? 3 / exposure : (3 * away * away) / exposure,
+      ...(kind === 'spot' && { cone_deg: /** @type {[number, number]} */ ([20, 35]) }),
+      enabled: true,
+    };
+    this.#added = true;
+    this.#edit('add', { add: light }, true);
+  }
+
+  /**
+   * @param {string} label
+   * @param {'environment_strength' | 'emissive_strength'} name
+   */
+  #strength(label, name) {
+    return slider({
+      label,
+      unit: '×',
+      range: { min: 0, max: 400, step: 1 },
+      bounds: { min: 0, max: 1e6 },
+      scale: STRENGTH,
+      changed: (value, done) => this.#edit(name, { [name]: value }, done),
+    });
+  }
+}

@@ -1,0 +1,108 @@
+/**
+ * Figures of the view: what arrives here, what the server does for it, pass by pass.
+ */
+
+import { h } from './dom.js';
+import { auditedError, bytes, count, milliseconds } from './format.js';
+
+const ROWS = /** @type {const} */ ({
+  error: 'Error',
+  samples: 'Samples per pixel',
+  size: 'Picture',
+  fps: 'Frames per second',
+  latency: 'Input to photon, p50 / p95',
+  bandwidth: 'Received per second',
+  frame: 'Render / encode',
+  rtt: 'Round trip',
+  moving: 'While moving',
+  triangles: 'Triangles',
+  device: 'Device',
+  server: 'Server',
+});
+
+/** @typedef {import('../protocol/messages.js').Stats} Stats */
+/** @typedef {import('../protocol/frame.js').FrameHeader} FrameHeader */
+
+export class StatsPanel {
+  /** @type {Record<string, HTMLElement>} */
+  #values = {};
+
+  /** @param {HTMLElement} host */
+  constructor(host) {
+    const list = h('dl', { className: 'figures' });
+    for (const [key, label] of Object.entries(ROWS)) {
+      const value = h('dd', { textContent: '–' });
+      this.#values[key] = value;
+      list.append(h('div', {}, h('dt', {}, label), value));
+    }
+    this.passes = h('table', { className: 'passes', hidden: true });
+    this.skipped = h('details', { className: 'skipped', hidden: true });
+    host.append(list, this.passes, this.skipped);
+  }
+
+  /** @param {import('../protocol/messages.js').Welcome} welcome */
+  welcome(welcome) {
+    this.#set('triangles', count(welcome.session.triangle_count));
+    this.#set('device', welcome.device);
+    this.#set('server', welcome.server);
+    for (const key of /** @type {const} */ (['error', 'samples', 'frame', 'rtt', 'moving'])) this.#set(key, '–');
+    this.passes.hidden = true;
+    this.skipped.hidden = true;
+  }
+
+  /** @param {FrameHeader} frame */
+  frame(frame) {
+    const [width, height] = frame.fullSize;
+    const [, , w, h_] = frame.rect;
+    const reduced = w !== width || h_ !== height;
+    this.#set('size', `${width} × ${height}${reduced ? ` from ${w} × ${h_}` : ''} ${frame.codec.toUpperCase()}`);
+    this.#set('samples', count(frame.samples));
+    this.#set('frame', `${milliseconds(frame.renderMs)} / ${milliseconds(frame.encodeMs)}`);
+  }
+
+  /** @param {{ framesPerSecond: number, bytesPerSecond: number, latency?: { p50: number, p95: number } | undefined }} measured */
+  measured({ framesPerSecond, bytesPerSecond, latency }) {
+    this.#set('fps', count(framesPerSecond));
+    this.#set('bandwidth', bytes(bytesPerSecond));
+    this.#set('latency', latency ? `${milliseconds(latency.p50)} / ${milliseconds(latency.p95)}` : '–');
+  }
+
+  /** @param {Stats} stats */
+  stats(stats) {
+    this.#set('error', stats.error ? auditedError(stats.error) : '–');
+    this.#set('samples', count(stats.samples));
+    this.#set('rtt', stats.rtt_ms > 0 ? milliseconds(stats.rtt_ms) : '–');
+    const moving = `quality ${stats.quality}, ${Math.round(stats.scale * 100)} % resolution`;
+    this.#set('moving', stats.reason ? `${moving}: ${stats.reason}` : moving);
+    this.#showPasses(stats.passes);
+    this.skipped.hidden = stats.skipped.length === 0;
+    this.skipped.replaceChildren(
+      h('summary', {}, `${count(stats.skipped.length)} passes not needed`),
+      h('ul', {}, ...stats.skipped.map(({ name, reason }) => h('li', {}, h('code', {}, name), ` ${reason}`))),
+    );
+  }
+
+  /** @param {Stats['passes']} passes */
+  #showPasses(passes) {
+    this.passes.hidden = passes.length === 0;
+    const total = passes.reduce((sum, { ms }) => sum + ms, 0);
+    const rows = passes.map(({ name, ms }) => {
+      const bar = h('meter', { min: 0, max: Math.max(total, 1e-6), value: ms, 'aria-hidden': 'true' });
+      return h('tr', {}, h('th', { scope: 'row' }, name), h('td', { className: 'share' }, bar), h('td', {}, milliseconds(ms)));
+    });
+    this.passes.replaceChildren(
+      h('caption', {}, h('span', {}, 'Passes of the newest frame'), h('span', {}, milliseconds(total))),
+      h('tbody', {}, ...rows),
+    );
+  }
+
+  /**
+   * @param {keyof typeof ROWS} key
+   * @param {string} text
+   */
+  #set(key, text) {
+    const value = this.#values[key];
+    // Writing the same text again would still dirty the layout.
+    if (value && value.textContent !== text) value.textContent = text;
+  }
+}

@@ -1,0 +1,82 @@
+/**
+ * How the view is rendered and where it stands: technique, exposure, resolution, viewpoints, import warnings.
+ */
+
+import { h } from './dom.js';
+import { choice, slider } from './fields.js';
+import { evOf, factorOf } from './quantities.js';
+
+const RESOLUTIONS = [
+  { value: '1', label: 'Full' },
+  { value: '0.75', label: 'Three quarters' },
+  { value: '0.5', label: 'Half' },
+  { value: '0.25', label: 'Quarter' },
+];
+
+export class ViewPanel {
+  /**
+   * @param {HTMLElement} host
+   * @param {import('../view/surfelcast-view.js').SurfelcastView} view
+   */
+  constructor(host, view) {
+    this.view = view;
+    this.technique = choice({
+      label: 'Technique',
+      changed: (technique) => {
+        view.setView({ technique });
+        this.#describe();
+      },
+    });
+    this.summary = h('p', { className: 'hint' });
+    this.exposure = slider({
+      label: 'Exposure',
+      unit: 'EV',
+      range: { min: -10, max: 10, step: 0.1 },
+      bounds: { min: -19, max: 19 },
+      changed: (ev) => view.setView({ exposure: factorOf(ev) }),
+    });
+    this.resolution = choice({ label: 'Resolution', changed: (value) => view.setAttribute('resolution', value) });
+    this.resolution.set(RESOLUTIONS, view.getAttribute('resolution') ?? '1');
+    this.viewpoints = h('div', { className: 'viewpoints', role: 'group', 'aria-label': 'Viewpoints' });
+    this.warnings = h('details', { className: 'warnings', hidden: true });
+    host.append(
+      this.technique.element,
+      this.summary,
+      this.exposure.element,
+      this.resolution.element,
+      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Viewpoints'), this.viewpoints),
+      this.warnings,
+    );
+  }
+
+  /** @param {import('../protocol/messages.js').Welcome} welcome */
+  update(welcome) {
+    this.techniques = welcome.techniques;
+    this.technique.set(
+      welcome.techniques.map(({ id, label }) => ({ value: id, label })),
+      this.view.technique ?? welcome.techniques[0]?.id ?? '',
+    );
+    this.#describe();
+    this.exposure.set(Math.round(evOf(this.view.exposure) * 100) / 100);
+    const { rig } = this.view;
+    /** @param {string} key @param {string} name @param {() => void} go */
+    const button = (key, name, go) =>
+      h('button', { type: 'button', title: `${name} (key ${key})`, onclick: go }, h('kbd', {}, key), h('span', {}, name));
+    this.viewpoints.replaceChildren(
+      button('0', 'Whole scene', () => rig.goToPreset(0)),
+      ...welcome.cameras.slice(0, 9).map(({ name }, index) => button(String(index + 1), name, () => rig.goToPreset(index + 1))),
+    );
+    this.#warn(welcome.warnings);
+  }
+
+  #describe() {
+    this.summary.textContent = this.techniques?.find(({ id }) => id === this.technique.value)?.summary ?? '';
+  }
+
+  /** @param {string[]} warnings */
+  #warn(warnings) {
+    this.warnings.hidden = warnings.length === 0;
+    const title = warnings.length === 1 ? '1 note from the import' : `${warnings.length} notes from the import`;
+    this.warnings.replaceChildren(h('summary', {}, title), h('ul', {}, ...warnings.map((text) => h('li', {}, text))));
+  }
+}

@@ -1,0 +1,44 @@
+/**
+ * What this browser can do, found out before anything is built on it.
+ */
+
+/** @typedef {import('../protocol/messages.js').Codec} Codec */
+
+/**
+ * Names, for people, of what the client needs and this browser lacks; empty where all is well.
+ * @param {Record<string, unknown>} [scope] global object, for tests
+ * @returns {string[]}
+ */
+export function missingFeatures(scope = /** @type {any} */ (globalThis)) {
+  const needed = {
+    WebSocket: 'WebSocket connections',
+    createImageBitmap: 'picture decoding (createImageBitmap)',
+    customElements: 'custom elements',
+    ResizeObserver: 'size observation (ResizeObserver)',
+    PointerEvent: 'pointer input (PointerEvent)',
+    HTMLCanvasElement: 'canvas drawing',
+  };
+  return Object.entries(needed)
+    .filter(([name]) => scope[name] === undefined)
+    .map(([, label]) => label);
+}
+
+/** One white pixel as lossy WebP: the oldest kind, which every decoder of the format reads. */
+const WEBP_PIXEL = 'UklGRiIAAABXRUJQVlA4IBYAAAAwAQCdASoBAAEADsD+JaQAA3AAAAAA';
+
+/**
+ * Codecs this browser decodes, best first.
+ * @returns {Promise<Codec[]>}
+ */
+export async function decodableCodecs() {
+  const bytes = Uint8Array.from(atob(WEBP_PIXEL), (character) => character.charCodeAt(0));
+  try {
+    (await createImageBitmap(new Blob([bytes], { type: 'image/webp' }))).close();
+    return ['webp', 'jpeg', 'png'];
+  } catch {
+    return ['jpeg', 'png'];
+  }
+}
+
+/** Whether the user asked for less motion. */
+export const prefersReducedMotion = () => matchMedia('(prefers-reduced-motion: reduce)').matches;
