@@ -141,7 +141,7 @@ fn a_layout_that_agrees_passes_and_one_that_does_not_is_named() {
 
 /// What wgpu validates with on every device the project asks for: the WebGPU core and compute subgroups.
 fn capabilities() -> Capabilities {
-    Capabilities::default() | Capabilities::SUBGROUP
+    Capabilities::default() | Capabilities::SUBGROUP | Capabilities::SHADER_FLOAT16_IN_FLOAT32
 }
 
 #[test]
