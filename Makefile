@@ -48,6 +48,10 @@ check: deps-tests ## Format, lints, documentation and types; runs no test
 bench: deps ## Rays per second against a CPU traversal of the same hierarchy
 	$(CARGO) bench --locked --package surfelcast-tests
 
+.PHONY: bench-accuracy
+bench-accuracy: build ## Error of every reference camera, written into BENCHMARKS.md
+	$(CARGO) run --release --locked --package surfelcast-tests --bin accuracy-table -- BENCHMARKS.md
+
 .PHONY: deny
 deny: ## Licences, bans, sources and advisories of all dependencies (needs cargo-deny)
 	@$(CARGO) deny --version >/dev/null 2>&1 || { echo "cargo-deny is not installed: cargo install --locked cargo-deny" >&2; exit 2; }
