@@ -1,0 +1,130 @@
+/**
+ * One connection to the fake server: answers as a session does, draws pictures whose colour follows the camera and the
+ * lights, keeps to an acknowledgement window, and falls silent when it has "converged".
+ */
+
+import { encodeFrame, FLAGS } from './frame.js';
+import { png } from './png.js';
+
+const WINDOW = 2;
+const STILL_AFTER_MS = 150;
+
+export class FakeSession {
+  frameSeq = 0;
+  acked = 0;
+  inputSeq = 0;
+  size = [0, 0];
+  paused = false;
+  exposure = 1;
+  pose = undefined;
+  dirty = false;
+  /** Rounds of refinement left: still, refined, final. */
+  refinements = 0;
+  timer = undefined;
+
+  /**
+   * @param {import('ws').WebSocket} socket
+   * @param {import('./fake-server.js').FakeServer} server
+   */
+  constructor(socket, server) {
+    this.socket = socket;
+    this.server = server;
+    socket.on('message', (data) => this.hear(JSON.parse(String(data))));
+    socket.on('close', () => clearTimeout(this.timer));
+  }
+
+  send(message) {
+    if (this.socket.readyState === 1) this.socket.send(JSON.stringify(message));
+  }
+
+  hear(message) {
+    this.server.messages.push(message);
+    switch (message.t) {
+      case 'hello':
+        if (this.server.closeWith) {
+          this.socket.close(this.server.closeWith, 'as the test wishes');
+          return;
+        }
+        this.send(this.server.welcome());
+        this.sendLights();
+        break;
+      case 'view.set':
+        if (message.w && message.h) this.size = [message.w, message.h];
+        this.paused = message.paused ?? this.paused;
+        this.exposure = message.exposure ?? this.exposure;
+        this.touch();
+        break;
+      case 'camera':
+        this.inputSeq = message.seq;
+        this.pose = message.pose;
+        this.touch();
+        break;
+      case 'light':
+        this.inputSeq = message.seq;
+        this.server.editLights(message.patch);
+        this.sendLights();
+        this.touch();
+        break;
+      case 'pick':
+        this.send({ t: 'picked', re: message.id, position: [0.25, 0.5, -0.1], object: 'tall box' });
+        break;
+      case 'ack':
+        this.acked = message.seq;
+        this.pump();
+        break;
+      case 'ping':
+        this.send({ t: 'pong', ts: message.ts, server_ms: performance.now() });
+        break;
+    }
+  }
+
+  sendLights() {
+    this.send({ t: 'lights', scene_rev: 1, ...this.server.lights });
+  }
+
+  /** Something changed: a quick frame now, refinement when it has been quiet. */
+  touch() {
+    this.dirty = true;
+    this.refinements = 3;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.pump(true), STILL_AFTER_MS);
+    this.pump();
+  }
+
+  pump(quiet = false) {
+    if (this.paused || this.size[0] === 0 || this.frameSeq - this.acked >= WINDOW || this.server.silent) return;
+    if (this.dirty) {
+      this.dirty = false;
+      this.sendFrame(0, 2);
+      return;
+    }
+    if (!quiet || this.refinements === 0) return;
+    this.refinements -= 1;
+    const last = this.refinements === 0;
+    this.sendFrame(FLAGS.STILL | (last ? FLAGS.FINAL | FLAGS.LOSSLESS : 0), last ? 1 : 2);
+    this.send(this.server.stats(last));
+    clearTimeout(this.timer);
+    if (!last) this.timer = setTimeout(() => this.pump(true), STILL_AFTER_MS);
+  }
+
+  sendFrame(flags, divisor) {
+    this.frameSeq += 1;
+    const size = this.server.picture ? this.server.picture.size : this.size.map((side) => Math.max(1, Math.round(side / divisor / 4)));
+    const payload = this.server.picture?.payload ?? this.draw(size);
+    const samples = flags & FLAGS.FINAL ? 256 : flags & FLAGS.STILL ? 64 : 1;
+    const frame = { payload, frameSeq: this.frameSeq, inputSeq: this.inputSeq, size, fullSize: this.size, flags: flags | 1, samples };
+    if (this.socket.readyState === 1) this.socket.send(encodeFrame(frame));
+  }
+
+  /** A wall and a floor, tinted by where the camera is and how bright the lights are. */
+  draw([width, height]) {
+    const [x, y, z] = this.pose?.eye ?? [0, 1, 3.5];
+    const bright = Math.min(1, (0.4 + 0.2 * this.server.lights.lights.filter(({ enabled }) => enabled).length) * this.exposure);
+    const azimuth = (Math.atan2(x, z) / Math.PI + 1) * 127;
+    const elevation = 90 + 80 * Math.tanh(y - 1);
+    return png(width, height, (px, py) => {
+      const shade = bright * (py > height * 0.62 ? 0.55 : 1) * (0.75 + (0.25 * px) / width);
+      return [azimuth * shade, elevation * shade, 150 * shade];
+    });
+  }
+}
