@@ -22,13 +22,19 @@ const newId = () => `field-${(nextId += 1)}`;
  * @param {{ min: number, max: number, step: number }} options.range of the slider's positions
  * @param {{ min: number, max: number }} options.bounds of the value
  * @param {{ value: (position: number) => number, position: (value: number) => number }} [options.scale] linear if absent
+ * @param {number} [options.decimals] shown at most; five significant digits if absent
  * @param {(value: number, done: boolean) => void} options.changed
  * @returns {Field}
  */
-export function slider({ label, unit, range, bounds, scale, changed }) {
+export function slider({ label, unit, range, bounds, scale, decimals, changed }) {
   const id = newId();
   const toValue = scale?.value ?? ((position) => position);
   const toPosition = scale?.position ?? ((value) => value);
+  /** @param {number} value */
+  const show = (value) => {
+    number.value = decimals === undefined ? field(value) : String(Number(value.toFixed(decimals)));
+  };
+  const fill = () => bar.style.setProperty('--fill', `${(100 * (bar.valueAsNumber - range.min)) / (range.max - range.min)}%`);
   const number = h('input', {
     id,
     type: 'number',
@@ -49,15 +55,17 @@ export function slider({ label, unit, range, bounds, scale, changed }) {
     ...range,
     'aria-label': label,
     oninput: () => {
-      number.value = field(toValue(bar.valueAsNumber));
+      show(toValue(bar.valueAsNumber));
+      fill();
       changed(toValue(bar.valueAsNumber), false);
     },
     onchange: () => changed(toValue(bar.valueAsNumber), true),
   });
   /** @param {number} value */
   function set(value) {
-    number.value = field(value);
+    show(value);
     bar.value = String(toPosition(value));
+    fill();
   }
   const element = h(
     'div',

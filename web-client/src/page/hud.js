@@ -81,7 +81,7 @@ export class Hud {
     const [width, height] = this.#frame.fullSize;
     const parts = [`${width} × ${height}`];
     if (measured.framesPerSecond > 0) parts.unshift(`${count(measured.framesPerSecond)} fps`, `${bytes(measured.bytesPerSecond)}/s`);
-    if (measured.latency) parts.push(`${count(measured.latency.p50)} / ${milliseconds(measured.latency.p95)}`);
+    if (measured.latency) parts.push(`input to photon ${count(measured.latency.p50)} / ${milliseconds(measured.latency.p95)}`);
     this.rates.textContent = parts.join('  ·  ');
     this.panel.measured(measured);
     if (performance.now() - this.#frameAt < AFTERMATH_MS) this.#schedule(AFTERMATH_MS / 2);

@@ -108,6 +108,7 @@ export class LightEditor {
     this.#add(controls, (light) => skyAngles(light.direction).azimuth, slider({
       label: 'Azimuth',
       unit: '°',
+      decimals: 1,
       range: { min: 0, max: 360, step: 1 },
       bounds: { min: 0, max: 360 },
       changed: (degrees, done) => aim('azimuth', degrees, done),
@@ -115,6 +116,7 @@ export class LightEditor {
     this.#add(controls, (light) => skyAngles(light.direction).elevation, slider({
       label: 'Elevation',
       unit: '°',
+      decimals: 1,
       // Straight up has no azimuth to come back to.
       range: { min: -89.5, max: 89.5, step: 0.5 },
       bounds: { min: -89.5, max: 89.5 },
@@ -128,6 +130,7 @@ export class LightEditor {
     this.#add(controls, () => cone()[1], slider({
       label: 'Cone',
       unit: '°',
+      decimals: 1,
       range: { min: 1, max: 90, step: 0.5 },
       bounds: { min: 1, max: 90 },
       changed: (outer, done) => this.#edit({ cone_deg: [Math.min(cone()[0], outer), outer] }, done),
@@ -135,6 +138,7 @@ export class LightEditor {
     this.#add(controls, () => cone()[0], slider({
       label: 'Core',
       unit: '°',
+      decimals: 1,
       range: { min: 0, max: 90, step: 0.5 },
       bounds: { min: 0, max: 90 },
       changed: (inner, done) => this.#edit({ cone_deg: [inner, Math.max(inner, cone()[1])] }, done),

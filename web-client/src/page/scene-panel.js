@@ -2,7 +2,6 @@
  * Which scene is shown: the switcher, and uploading by file picker or by dropping a file anywhere on the page.
  */
 
-import { count } from './format.js';
 import { h } from './dom.js';
 import { listScenes, ServiceError, streamPath, uploadScene } from './scene-service.js';
 
@@ -81,9 +80,7 @@ export class ScenePanel {
   #render() {
     const { select } = this.parts;
     select.replaceChildren(
-      ...this.#scenes.map(({ id, name, triangle_count }) =>
-        h('option', { value: id }, `${name}${triangle_count ? ` (${count(triangle_count)} triangles)` : ''}`),
-      ),
+      ...this.#scenes.map(({ id, name }) => h('option', { value: id }, name)),
     );
     select.disabled = this.#scenes.length === 0;
     if (this.#scenes.length === 0) select.append(h('option', {}, 'No scenes yet'));

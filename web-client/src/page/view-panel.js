@@ -31,6 +31,7 @@ export class ViewPanel {
     this.exposure = slider({
       label: 'Exposure',
       unit: 'EV',
+      decimals: 2,
       range: { min: -10, max: 10, step: 0.1 },
       bounds: { min: -19, max: 19 },
       changed: (ev) => view.setView({ exposure: factorOf(ev) }),
@@ -57,7 +58,7 @@ export class ViewPanel {
       this.view.technique ?? welcome.techniques[0]?.id ?? '',
     );
     this.#describe();
-    this.exposure.set(Math.round(evOf(this.view.exposure) * 100) / 100);
+    this.exposure.set(evOf(this.view.exposure));
     const { rig } = this.view;
     /** @param {string} key @param {string} name @param {() => void} go */
     const button = (key, name, go) =>
