@@ -1,7 +1,7 @@
 //! Triangles, vertices, instances and hierarchies as the GPU reads them.
 //!
 //! A mesh that is used once, that emits light, is skinned or morphed, or is small enough to copy, is *baked*: its vertices
-//! stand in scene space and it belongs to the one hierarchy of instance 0 (identity). Other meshes get a hierarchy of
+//! stand in scene space and it belongs to the one hierarchy of the baked instance (identity). Other meshes get a hierarchy of
 //! their own, in object space recentred for precision, and one [`Instance`] for each use.
 
 use bytemuck::{Pod, Zeroable};
@@ -110,6 +110,11 @@ pub struct SceneGeometry {
     pub geometries: Vec<Geometry>,
     /// Placed hierarchies in the leaf order of the top level. Empty for an empty scene.
     pub instances: Vec<Instance>,
+    /// Which of the instances is the baked one; `None` where nothing is baked.
+    pub baked_instance: Option<u32>,
+    /// Entries a traversal stack needs at most: levels of the top level plus those of the deepest bottom level (one
+    /// entry a level, as in Ylitie et al.). At most `2 *` [`crate::bvh::MAX_DEPTH`].
+    pub stack_depth: u32,
 }
 
 /// Octahedral map of a unit vector to two signed-normalised 16-bit integers, x in the low half (Cigolle et al. 2014).
@@ -121,4 +126,44 @@ pub fn pack_octahedral(v: Vec3) -> u32 {
     }
     let quantise = |c: f32| ((c.clamp(-1.0, 1.0) * 32767.0).round() as i32 as u32) & 0xffff;
     quantise(x) | (quantise(y) << 16)
+}
+
+/// Inverse of [`pack_octahedral`].
+pub fn unpack_octahedral(packed: u32) -> Vec3 {
+    let component = |bits: u32| (f32::from(bits as u16 as i16) / 32767.0).max(-1.0);
+    let (x, y) = (component(packed & 0xffff), component(packed >> 16));
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize_or(Vec3::Z)
+}
+
+/// A unit tangent with its bitangent sign in bit 0; see [`PackedVertex::tangent`]. Never 0, which means "none".
+pub fn pack_tangent(tangent: Vec3, is_bitangent_flipped: bool) -> u32 {
+    let packed = pack_octahedral(tangent) & !1 | u32::from(is_bitangent_flipped);
+    // +Z packs to 0; the smallest step aside keeps it apart from "no tangent"
+    if packed == 0 { 2 } else { packed }
+}
+
+/// Linear RGBA as four half floats, r low.
+pub fn pack_color(color: [f32; 4]) -> [u32; 2] {
+    let half = |x: f32| u32::from(half::f16::from_f32(x.clamp(-65504.0, 65504.0)).to_bits());
+    [half(color[0]) | (half(color[1]) << 16), half(color[2]) | (half(color[3]) << 16)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn octahedral_round_trip_is_within_a_few_arc_seconds() {
+        for k in 0..20_000u32 {
+            let f = |n: u32| (k.wrapping_mul(2_654_435_761).rotate_left(n) % 20_001) as f32 / 10_000.0 - 1.0;
+            let v = Vec3::new(f(3), f(11), f(19)).normalize_or(Vec3::X);
+            assert!(v.angle_between(unpack_octahedral(pack_octahedral(v))) < 7e-4, "{v}");
+        }
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z] {
+            assert!((unpack_octahedral(pack_octahedral(axis)) - axis).length() < 1e-4, "{axis}");
+            assert_ne!(pack_tangent(axis, false), 0);
+        }
+    }
 }

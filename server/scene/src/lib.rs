@@ -9,14 +9,18 @@
 //! Rec. 709, emission is radiance (W sr^-1 m^-2).
 
 mod bounds;
+pub mod bvh;
 pub mod camera;
 pub mod environment;
 pub mod error;
 pub mod geometry;
 pub mod lights;
 pub mod limits;
+mod load;
 pub mod material;
+pub mod sample;
 pub mod summary;
+pub mod trace;
 pub mod view;
 
 use std::sync::Arc;
@@ -30,6 +34,7 @@ pub use error::SceneError;
 pub use geometry::{BvhTriangle, Geometry, Instance, PackedVertex, SceneGeometry, TriangleRecord};
 pub use lights::{EmissiveTriangle, PunctualKind, PunctualLight};
 pub use limits::SceneLimits;
+pub use load::{LoadOptions, load_bytes, load_file};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Wrap};
 pub use summary::SceneSummary;
 pub use view::{Pose, ViewFile};

@@ -5,6 +5,8 @@
 pub struct SceneLimits {
     /// Bytes of the main file plus buffers and images.
     pub max_file_bytes: u64,
+    /// Bytes of the JSON, whose parsed form is many times larger.
+    pub max_json_bytes: u64,
     /// Vertices over all meshes, baked copies included.
     pub max_vertices: u32,
     /// Triangles over all meshes, baked copies included.
@@ -31,6 +33,7 @@ impl Default for SceneLimits {
     fn default() -> Self {
         Self {
             max_file_bytes: 2 << 30,
+            max_json_bytes: 64 << 20,
             max_vertices: 64 << 20,
             max_triangles: 64 << 20,
             max_nodes: 1 << 20,
