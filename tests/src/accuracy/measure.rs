@@ -1,0 +1,225 @@
+//! Renders a reference's picture by the command line and measures it.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use serde_json::Value;
+
+use crate::accuracy::{Mode, Picture, Reference};
+
+/// The program under test.
+#[derive(Clone, Debug)]
+pub struct Renderer {
+    program: PathBuf,
+    /// Technique id.
+    pub technique: String,
+}
+
+/// What was measured at one number of samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Tone-mapped RMSE against the reference, the mean over two seeds in squares.
+    pub rmse: f64,
+    /// Noise of one picture, from two seeds.
+    pub own_noise: f64,
+    /// What the program's own audit said, the mean over two seeds in squares; 0 where it said nothing.
+    pub audited_rmse: f64,
+    /// Mean of the picture over that of the reference, minus one.
+    pub bias: f64,
+    /// The same difference in standard errors.
+    pub bias_in_errors: f64,
+    /// Largest relative distance of the mean from an analytic colour; 0 where there is none.
+    pub analytic_error: f64,
+    /// Values that were not finite.
+    pub non_finite: usize,
+    /// Seconds of rendering, both seeds.
+    pub render_secs: f64,
+}
+
+/// Everything measured for one reference.
+#[derive(Clone, Debug)]
+pub struct Measurement {
+    /// The reference.
+    pub name: String,
+    /// Noise of the reference.
+    pub reference_noise: f64,
+    /// By rising number of samples.
+    pub points: Vec<Point>,
+}
+
+impl Point {
+    /// Measured over expected error, in squares; 1 for a correct renderer, up to chance.
+    pub fn ratio(&self, reference_noise: f64) -> f64 {
+        self.rmse.powi(2) / (reference_noise.powi(2) + self.own_noise.powi(2))
+    }
+
+    /// RMSE against the truth: the reference's own noise taken out.
+    pub fn rmse_to_truth(&self, reference_noise: f64) -> f64 {
+        (self.rmse.powi(2) - reference_noise.powi(2)).max(0.0).sqrt()
+    }
+}
+
+impl Measurement {
+    /// Least-squares slope of log error over log samples, the reference's noise taken out; `None` with less than two
+    /// points that stand clear of that noise.
+    pub fn slope(&self) -> Option<f64> {
+        let points: Vec<_> = self
+            .points
+            .iter()
+            .filter(|point| point.rmse > 1.2 * self.reference_noise)
+            .map(|point| (f64::from(point.samples).ln(), point.rmse_to_truth(self.reference_noise).ln()))
+            .collect();
+        if points.len() < 2 {
+            return None;
+        }
+        let count = points.len() as f64;
+        let (x_mean, y_mean) =
+            (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
+        let covariance: f64 = points.iter().map(|(x, y)| (x - x_mean) * (y - y_mean)).sum();
+        let variance: f64 = points.iter().map(|(x, _)| (x - x_mean).powi(2)).sum();
+        Some(covariance / variance)
+    }
+}
+
+impl Renderer {
+    /// The program that `SURFELCAST_BIN` names, else the one that cargo built beside the running test or command.
+    pub fn find(technique: &str) -> Result<Self> {
+        let program = match std::env::var_os("SURFELCAST_BIN") {
+            Some(path) => PathBuf::from(path),
+            None => {
+                let exe = std::env::current_exe()?;
+                let folder = exe.parent().context("a program lies in a folder")?;
+                // Tests lie one folder deeper than programs.
+                let folder = if folder.ends_with("deps") { folder.parent().unwrap_or(folder) } else { folder };
+                folder.join(format!("surfelcast{}", std::env::consts::EXE_SUFFIX))
+            }
+        };
+        ensure!(
+            program.is_file(),
+            "{} does not exist: run `cargo build --release -p surfelcast` first",
+            program.display()
+        );
+        Ok(Self { program, technique: technique.to_owned() })
+    }
+
+    /// Renders a reference's picture.
+    fn render(&self, reference: &Reference, samples: u32, seed: u64, folder: &Path) -> Result<(Picture, Value)> {
+        let (image, stats) = (folder.join("picture.exr"), folder.join("stats.json"));
+        let [width, height] = reference.size;
+        let mut command = Command::new(&self.program);
+        command.arg("render").arg(&reference.scene).arg("-o").arg(&image).arg("--stats").arg(&stats);
+        command.args(["--camera", &reference.camera, "--technique", &self.technique]);
+        command.args(["--size", &format!("{width}x{height}")]);
+        command.args(["--spp", &samples.to_string(), "--seed", &seed.to_string()]);
+        command.args(["--materials", if reference.mode == Mode::Pbr { "pbr" } else { "lambert" }]);
+        if reference.mode == Mode::Indirect {
+            command.args(["--aov", "irradiance"]);
+        }
+        let output = command.output().with_context(|| format!("cannot run {}", self.program.display()))?;
+        if !output.status.success() {
+            bail!("{command:?} ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr).trim());
+        }
+        let picture = Picture::read_exr(&image)?;
+        let [picture_width, picture_height] = picture.size;
+        ensure!(
+            [picture_width, picture_height] == [width as usize, height as usize],
+            "the picture is {picture_width} x {picture_height}, asked for were {width} x {height}"
+        );
+        let stats = std::fs::read_to_string(&stats)?;
+        Ok((picture, serde_json::from_str(&stats).context("the statistics are not JSON")?))
+    }
+
+    /// Renders with two seeds and compares.
+    pub fn measure(&self, reference: &Reference, samples: u32) -> Result<Point> {
+        let folder = tempfile::tempdir()?;
+        let truth = Picture::read_exr(&reference.image)?;
+        let (first, first_stats) = self.render(reference, samples, 1, folder.path())?;
+        let (second, second_stats) = self.render(reference, samples, 2, folder.path())?;
+        let non_finite = first.non_finite_count() + second.non_finite_count();
+        let analytic_error = analytic_error(&reference.expected.colors, &truth, &first, &second);
+
+        let [truth, first, second] = [truth, first, second].map(|picture| picture.without(&reference.masked));
+        let exposure = reference.exposure;
+        let mse = (first.tone_mapped_mse(&truth, exposure) + second.tone_mapped_mse(&truth, exposure)) / 2.0;
+        let audited = |stats: &Value| stats["error_estimate"]["rmse_tonemapped"].as_f64().unwrap_or(0.0).powi(2);
+        let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
+
+        // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
+        let reference_variance = reference.noise_rmse_linear.powi(2) / truth.pixels.len() as f64;
+        let difference = (first.mean() + second.mean()) / 2.0 - truth.mean();
+        let error = (first.variance_of_mean(&second) + reference_variance).sqrt();
+        Ok(Point {
+            samples,
+            rmse: mse.sqrt(),
+            own_noise: (first.tone_mapped_mse(&second, exposure) / 2.0).sqrt(),
+            audited_rmse: ((audited(&first_stats) + audited(&second_stats)) / 2.0).sqrt(),
+            bias: difference / truth.mean().max(1e-30),
+            bias_in_errors: if error > 0.0 { difference / error } else { 0.0 },
+            analytic_error,
+            non_finite,
+            render_secs: seconds(&first_stats) + seconds(&second_stats),
+        })
+    }
+}
+
+/// Largest relative distance of a mean from the colour it must have. A pixel belongs to a colour when its reference is
+/// within 2 % of it, so that pixels on an outline belong to none.
+fn analytic_error(colors: &[[f64; 3]], truth: &Picture, first: &Picture, second: &Picture) -> f64 {
+    let mut largest: f64 = 0.0;
+    for color in colors {
+        let belongs =
+            |pixel: &[f64; 3]| pixel.iter().zip(color).all(|(value, color)| (value - color).abs() <= 0.02 * color);
+        let indices: Vec<_> =
+            truth.pixels.iter().enumerate().filter(|(_, pixel)| belongs(pixel)).map(|(index, _)| index).collect();
+        for channel in 0..3 {
+            let sum: f64 = indices.iter().map(|&i| (first.pixels[i][channel] + second.pixels[i][channel]) / 2.0).sum();
+            if !indices.is_empty() {
+                largest = largest.max((sum / indices.len() as f64 / color[channel] - 1.0).abs());
+            }
+        }
+    }
+    largest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(samples: u32, rmse: f64) -> Point {
+        Point {
+            samples,
+            rmse,
+            own_noise: 0.0,
+            audited_rmse: 0.0,
+            bias: 0.0,
+            bias_in_errors: 0.0,
+            analytic_error: 0.0,
+            non_finite: 0,
+            render_secs: 0.0,
+        }
+    }
+
+    #[test]
+    fn slope_ignores_the_references_noise() {
+        let noise: f64 = 0.001;
+        let at = |samples: u32| point(samples, (0.01_f64.powi(2) * 16.0 / f64::from(samples) + noise.powi(2)).sqrt());
+        let measurement =
+            Measurement { name: String::new(), reference_noise: noise, points: vec![at(16), at(64), at(256)] };
+        let slope = measurement.slope().expect("three points");
+        assert!((slope + 0.5).abs() < 1e-9, "{slope}");
+        let flat = Measurement { points: vec![point(16, 0.001), point(64, 0.001)], ..measurement };
+        assert_eq!(flat.slope(), None);
+    }
+
+    #[test]
+    fn analytic_colors_are_compared_where_they_hold() {
+        let picture = |values: [f64; 3]| Picture { size: [3, 1], pixels: values.map(|value| [value; 3]).to_vec() };
+        let truth = picture([0.8, 0.9, 1.0]);
+        let (first, second) = (picture([0.81, 5.0, 1.0]), picture([0.79, 7.0, 1.004]));
+        let error = analytic_error(&[[0.8; 3], [1.0; 3]], &truth, &first, &second);
+        assert!((error - 0.002).abs() < 1e-9, "{error}");
+    }
+}

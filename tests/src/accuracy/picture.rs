@@ -1,0 +1,153 @@
+//! Linear RGB pictures and the error metrics over them.
+
+use std::path::Path;
+
+use anyhow::{Context as _, Result, ensure};
+
+/// Linear radiance, first row on top.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Width and height.
+    pub size: [usize; 2],
+    /// Row by row.
+    pub pixels: Vec<[f64; 3]>,
+}
+
+/// Pixels from (x0, y0) up to, not including, (x1, y1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rectangle {
+    /// Left and top.
+    pub start: [usize; 2],
+    /// Right and bottom, exclusive.
+    pub end: [usize; 2],
+}
+
+impl Picture {
+    /// Reads an OpenEXR file's colour channels.
+    pub fn read_exr(path: &Path) -> Result<Self> {
+        let image = exr::prelude::read_first_rgba_layer_from_file(
+            path,
+            |size, _| (size.width(), vec![[0.0; 3]; size.width() * size.height()]),
+            |(width, pixels), position, (r, g, b, _): (f32, f32, f32, f32)| {
+                pixels[position.y() * *width + position.x()] = [f64::from(r), f64::from(g), f64::from(b)];
+            },
+        )
+        .with_context(|| format!("cannot read {}", path.display()))?;
+        let (width, pixels) = image.layer_data.channel_data.pixels;
+        ensure!(width > 0 && !pixels.is_empty(), "{} has no pixel", path.display());
+        Ok(Self { size: [width, pixels.len() / width], pixels })
+    }
+
+    /// Values that are not finite; a correct picture has none.
+    pub fn non_finite_count(&self) -> usize {
+        self.pixels.iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
+    }
+
+    /// The picture without some rectangles; only what is counted over pixels means anything after that.
+    pub fn without(&self, rectangles: &[Rectangle]) -> Self {
+        let [width, _] = self.size;
+        let is_inside = |index: usize| {
+            let at = [index % width, index / width];
+            rectangles.iter().any(|Rectangle { start, end }| (0..2).all(|i| at[i] >= start[i] && at[i] < end[i]))
+        };
+        let pixels: Vec<_> =
+            self.pixels.iter().enumerate().filter(|(index, _)| !is_inside(*index)).map(|(_, pixel)| *pixel).collect();
+        Self { size: [pixels.len(), 1], pixels }
+    }
+
+    /// Mean of all pixels and channels.
+    pub fn mean(&self) -> f64 {
+        self.pixels.iter().flatten().sum::<f64>() / (3 * self.pixels.len()) as f64
+    }
+
+    /// Mean squared difference after `x / (1 + max(r, g, b))` of exposed values, over pixels and channels.
+    pub fn tone_mapped_mse(&self, other: &Self, exposure: f64) -> f64 {
+        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "pictures of one size are compared");
+        let sum: f64 = self
+            .pixels
+            .iter()
+            .zip(&other.pixels)
+            .map(|(a, b)| squared_distance(tone_map(*a, exposure), tone_map(*b, exposure)))
+            .sum();
+        sum / (3 * self.pixels.len()) as f64
+    }
+
+    /// Variance of [`Picture::mean`] of the average of two pictures that differ only by their seed.
+    pub fn variance_of_mean(&self, other: &Self) -> f64 {
+        // Each pixel's mean over channels has variance (a - b)^2 / 2, the average of two pictures half of that.
+        let sum: f64 = self
+            .pixels
+            .iter()
+            .zip(&other.pixels)
+            .map(|(a, b)| {
+                let difference = (a.iter().sum::<f64>() - b.iter().sum::<f64>()) / 3.0;
+                difference * difference / 4.0
+            })
+            .sum();
+        sum / (self.pixels.len() as f64).powi(2)
+    }
+}
+
+fn tone_map(pixel: [f64; 3], exposure: f64) -> [f64; 3] {
+    let exposed = pixel.map(|value| value * exposure);
+    let brightest = exposed.iter().copied().fold(0.0, f64::max);
+    exposed.map(|value| value / (1.0 + brightest))
+}
+
+fn squared_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(pixels: &[[f64; 3]]) -> Picture {
+        Picture { size: [pixels.len(), 1], pixels: pixels.to_vec() }
+    }
+
+    #[test]
+    fn tone_mapped_error_of_known_pictures() {
+        // 1 becomes 1/2 and 3 becomes 3/4: a difference of 1/4 in each channel.
+        let mse = picture(&[[1.0; 3]]).tone_mapped_mse(&picture(&[[3.0; 3]]), 1.0);
+        assert!((mse - 0.0625).abs() < 1e-12, "{mse}");
+        // Exposure 3 makes the first what the second was; the second becomes 9/10.
+        let mse = picture(&[[1.0; 3]]).tone_mapped_mse(&picture(&[[3.0; 3]]), 3.0);
+        assert!((mse - 0.15_f64.powi(2)).abs() < 1e-12, "{mse}");
+        // The brightest channel scales all three: (2, 1, 0) / 3.
+        let mse = picture(&[[2.0, 1.0, 0.0]]).tone_mapped_mse(&picture(&[[0.0; 3]]), 1.0);
+        assert!((mse - (4.0 + 1.0) / 9.0 / 3.0).abs() < 1e-12, "{mse}");
+    }
+
+    #[test]
+    fn rectangles_are_left_out() {
+        let mut whole = Picture { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
+        whole.pixels[5] = [100.0; 3];
+        assert!(whole.mean() > 10.0);
+        let rest = whole.without(&[Rectangle { start: [1, 1], end: [2, 2] }]);
+        assert_eq!(rest.pixels.len(), 7);
+        assert!((rest.mean() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn variance_of_mean_matches_many_pictures() {
+        // A fixed linear congruence stands for noise: uniform in [0, 1), variance 1/12 a channel, channels independent.
+        let mut state = 1_u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let count = 20_000;
+        let mut draw =
+            || Picture { size: [count, 1], pixels: (0..count).map(|_| [noise(), noise(), noise()]).collect() };
+        let (a, b) = (draw(), draw());
+        let expected = 1.0 / 12.0 / 3.0 / 2.0 / count as f64;
+        let measured = a.variance_of_mean(&b);
+        assert!((measured / expected - 1.0).abs() < 0.05, "{measured} against {expected}");
+    }
+
+    #[test]
+    fn bad_values_are_counted() {
+        assert_eq!(picture(&[[1.0; 3], [f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]]).non_finite_count(), 2);
+    }
+}

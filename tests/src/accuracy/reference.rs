@@ -1,0 +1,160 @@
+//! Reference images on disk: `<scene>_<camera>_<mode>.exr` with a JSON of the same name beside it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use serde_json::Value;
+
+use crate::accuracy::Rectangle;
+
+/// How the reference was rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Every surface a two-sided Lambertian of its base colour.
+    Lambert,
+    /// glTF metallic-roughness.
+    Pbr,
+    /// Lambertian surfaces; the picture is B, indirect irradiance over pi without the first albedo.
+    Indirect,
+}
+
+/// Colours that arithmetic knows, from the scene's own file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expected {
+    /// Every pixel whose reference lies near one of these has exactly that colour.
+    pub colors: Vec<[f64; 3]>,
+}
+
+/// One reference and what is needed to render the same picture.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// `<scene>_<camera>_<mode>`.
+    pub name: String,
+    /// The image.
+    pub image: PathBuf,
+    /// The scene's `.glb`.
+    pub scene: PathBuf,
+    /// Camera in the scene's view file.
+    pub camera: String,
+    /// Materials and output.
+    pub mode: Mode,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Factor of the error metric, not part of the pixel values.
+    pub exposure: f64,
+    /// Tone-mapped RMSE that is left in the image itself.
+    pub noise_rmse: f64,
+    /// RMSE of linear values that is left in the image itself.
+    pub noise_rmse_linear: f64,
+    /// Parts in which another renderer is known not to mean the same.
+    pub masked: Vec<Rectangle>,
+    /// Analytic values.
+    pub expected: Expected,
+}
+
+/// The folder of shared scenes and references: `SURFELCAST_SHARED`, else `shared` beside the repository; `None` if
+/// there is none.
+pub fn shared_folder() -> Option<PathBuf> {
+    let folder = std::env::var_os("SURFELCAST_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
+    folder.join("references").is_dir().then_some(folder)
+}
+
+impl Reference {
+    /// All references of a folder that holds `references/` and `scenes/`, sorted by name.
+    pub fn read_all(shared: &Path) -> Result<Vec<Self>> {
+        let masks = read_json(&shared.join("peers/masks.json")).unwrap_or(Value::Null);
+        let mut files =
+            fs::read_dir(shared.join("references"))?.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
+        files.retain(|file| file.extension().is_some_and(|extension| extension == "json"));
+        files.sort();
+        files.iter().map(|file| Self::read(file, shared, &masks).with_context(|| file.display().to_string())).collect()
+    }
+
+    fn read(file: &Path, shared: &Path, masks: &Value) -> Result<Self> {
+        let json = read_json(file)?;
+        let text = |field: &str| json[field].as_str().with_context(|| format!("{field} is no string"));
+        let number = |value: &Value, field: &str| value.as_f64().with_context(|| format!("{field} is no number"));
+        let (scene, camera) = (text("scene")?, text("camera")?);
+        let view = read_json(&shared.join(format!("scenes/{scene}.json")))?;
+        let mode = match text("mode")? {
+            "lambert" => Mode::Lambert,
+            "pbr" => Mode::Pbr,
+            "indirect" => Mode::Indirect,
+            other => bail!("mode {other} is unknown"),
+        };
+        let side = |index: usize| {
+            json["resolution"][index]
+                .as_u64()
+                .and_then(|side| u32::try_from(side).ok())
+                .context("resolution is no size")
+        };
+        Ok(Self {
+            name: format!("{scene}_{camera}_{}", text("mode")?),
+            image: file.with_extension("exr"),
+            scene: shared.join(format!("scenes/{scene}.glb")),
+            camera: camera.to_owned(),
+            mode,
+            size: [side(0)?, side(1)?],
+            exposure: number(&json["exposure"], "exposure")?,
+            noise_rmse: number(&json["noise"]["rmse_tm"], "noise.rmse_tm")?,
+            noise_rmse_linear: number(&json["noise"]["rmse"], "noise.rmse")?,
+            masked: rectangles(&masks[format!("{scene}_{camera}")]),
+            expected: Expected { colors: colors(&view["expected"]) },
+        })
+    }
+}
+
+fn read_json(path: &Path) -> Result<Value> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))
+}
+
+fn rectangles(value: &Value) -> Vec<Rectangle> {
+    let corner = |value: &Value| value.as_u64().and_then(|value| usize::try_from(value).ok());
+    let list = value.as_array().map(Vec::as_slice).unwrap_or_default();
+    list.iter()
+        .filter_map(|one| {
+            Some(Rectangle { start: [corner(&one[0])?, corner(&one[1])?], end: [corner(&one[2])?, corner(&one[3])?] })
+        })
+        .collect()
+}
+
+/// The values of an object such as `{"object": [0.8, 0.8, 0.8], "background": [1, 1, 1]}`; anything else has none.
+fn colors(value: &Value) -> Vec<[f64; 3]> {
+    let triple = |value: &Value| Some([value[0].as_f64()?, value[1].as_f64()?, value[2].as_f64()?]);
+    value.as_object().map(|object| object.values().filter_map(triple).collect()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_masks_and_expected_colors() {
+        let value = serde_json::json!({"main": [[1, 2, 3, 4], ["x", 0, 0, 0]]});
+        assert_eq!(rectangles(&value["main"]), [Rectangle { start: [1, 2], end: [3, 4] }]);
+        assert_eq!(rectangles(&value["absent"]), []);
+        let value = serde_json::json!({"constant": [1, 1, 1], "points": [[0, 0]], "text": "x"});
+        assert_eq!(colors(&value), [[1.0; 3]]);
+    }
+
+    #[test]
+    fn reads_every_reference() -> Result<()> {
+        let Some(shared) = shared_folder() else {
+            println!("skipped: no folder of references; set SURFELCAST_SHARED to one");
+            return Ok(());
+        };
+        let references = Reference::read_all(&shared)?;
+        assert!(references.len() > 20, "{} references", references.len());
+        for reference in references {
+            let picture = crate::accuracy::Picture::read_exr(&reference.image)?;
+            let [width, height] = reference.size.map(|side| side as usize);
+            assert_eq!(picture.size, [width, height], "{}", reference.name);
+            assert_eq!(picture.non_finite_count(), 0, "{}", reference.name);
+            assert!(reference.noise_rmse > 0.0 && reference.noise_rmse < 0.05, "{}", reference.name);
+        }
+        Ok(())
+    }
+}
