@@ -74,9 +74,17 @@ vulkan_driver_present || need mesa-vulkan-drivers "a Vulkan driver: your GPU ven
 if [ "$for_tests" = yes ]; then
   find_chromium || need chromium "Chromium (or set CHROMIUM to its path): the browser tests drive it"
   if ! has node; then
-    need nodejs "Node $minimum_node or newer: runs the browser client's tests"
+    # The distribution's own Node is taken only where it is new enough: Debian 12, for one, has 18.
+    candidate=$({ apt-cache policy nodejs 2>/dev/null || true; } | sed -n 's/^ *Candidate: \([0-9.]*\).*/\1/p')
+    if [ -n "$candidate" ] && ! at_least "$candidate" "$minimum_node"; then
+      problems+=("Node $minimum_node or newer is missing (this system packages $candidate): https://nodejs.org/en/download")
+    else
+      need nodejs "Node $minimum_node or newer: runs the browser client's tests"
+      has npm || need npm "npm: fetches the test tools of the browser client"
+    fi
+  elif ! has npm; then
+    need npm "npm: fetches the test tools of the browser client"
   fi
-  has npm || need npm "npm: fetches the test tools of the browser client"
 fi
 
 # Install.
