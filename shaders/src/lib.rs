@@ -15,6 +15,7 @@ pub mod constants;
 mod features;
 pub mod layout;
 mod link;
+pub mod records;
 mod reflect;
 
 pub use catalogue::{KernelInfo, Module, kernels, modules};

@@ -1,0 +1,204 @@
+//! `path`: progressive path tracing, one estimate for each pixel and no reuse between them.
+//!
+//! The reference of the product: unbiased at any sample count, its error falls as one over the root of the samples. Light
+//! transport is described in `shaders/techniques/path/vertex.wesl`.
+//!
+//! Samples are taken in *batches*: the same number for every pixel, in ranges of pixels small enough that no submission
+//! holds the device for long. The numbers drawn and the order in which a pixel's samples are merged depend on the batch
+//! sizes only, which follow from the sample count, never on timing. The same job therefore gives the same bytes.
+
+use std::time::Instant;
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, Kernel, MemoryKind, PassTime};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+
+use crate::passes::features::features_for;
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::technique::{
+    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
+};
+
+/// Registry line.
+pub const ENTRY: TechniqueEntry = TechniqueEntry {
+    id: "path",
+    label: "Path tracing",
+    summary: "Unbiased reference: every pixel traced on its own, refined until its error is met.",
+    conformance: Conformance::Unbiased,
+    kernels: &["path_trace", "error_audit"],
+    needs: |_| Ok(()),
+    create: |gpu, scene, lights, options| Ok(Box::new(PathTracer::new(gpu, scene, lights, options)?)),
+};
+
+/// Threads of a workgroup of `path_trace`.
+const WORKGROUP: u32 = 64;
+/// Pixels of one dispatch at most: workgroups of one dimension.
+const MAX_PIXELS: u32 = 65_535 * WORKGROUP;
+/// Paths a second assumed before anything was measured: a slow CPU device, so that the first dispatch is short.
+const FIRST_PATHS_PER_SEC: f64 = 2e5;
+/// Weight of the newest measurement of paths a second.
+const RATE_SMOOTHING: f64 = 0.3;
+
+struct PathTracer {
+    options: TechniqueOptions,
+    features: Features,
+    kernel: Kernel,
+    /// `vec4f` a pixel: mean radiance, squared deviation of luminance. Written by `path_trace`; read by `tone_map`,
+    /// `audit_gather` and the host; lives as long as the view.
+    accumulation: Buffer,
+    /// Four counters of one dispatch: rays by kind, samples that were not finite.
+    counters: Buffer,
+    /// `vec4f` a pixel each: direct light and B. Only where asked for.
+    split: Option<(Buffer, Buffer)>,
+    /// Samples a pixel in whole batches.
+    samples: u32,
+    /// Size of the batch in hand; 0 between batches.
+    batch: u32,
+    /// Pixels of the batch in hand that are done.
+    batch_pixels: u32,
+    paths_per_sec: f64,
+}
+
+impl PathTracer {
+    fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        options: TechniqueOptions,
+    ) -> Result<Self, GpuError> {
+        let pixel_count = u64::from(options.size[0]) * u64::from(options.size[1]);
+        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
+        let split = options
+            .is_split
+            .then(|| -> Result<_, GpuError> {
+                let direct = gpu.buffer("split_direct", MemoryKind::View, pixel_count * 16)?;
+                Ok((direct, gpu.buffer("split_irradiance", MemoryKind::View, pixel_count * 16)?))
+            })
+            .transpose()?;
+        Ok(Self {
+            options,
+            features,
+            kernel: gpu.kernel("path_trace", features)?,
+            accumulation: gpu.buffer("accumulation", MemoryKind::View, pixel_count * 16)?,
+            counters: gpu.buffer("counters", MemoryKind::View, 16)?,
+            split,
+            samples: 0,
+            batch: 0,
+            batch_pixels: 0,
+            paths_per_sec: FIRST_PATHS_PER_SEC,
+        })
+    }
+
+    /// Size of the batch that follows: as many samples as there are already, so that a first picture comes soon and
+    /// later ones cost little overhead.
+    fn next_batch(&self, budget: &StepBudget) -> u32 {
+        let left = budget.until_samples.saturating_sub(self.samples);
+        self.samples.max(1).min(budget.max_batch.max(1)).min(left)
+    }
+}
+
+impl Technique for PathTracer {
+    fn step(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        budget: StepBudget,
+    ) -> Result<Step, TechniqueError> {
+        let pixel_count = self.options.size[0] * self.options.size[1];
+        if self.batch == 0 {
+            self.batch = self.next_batch(&budget);
+        }
+        if self.batch == 0 {
+            return Ok(Step { is_whole: true, ..Step::default() });
+        }
+        let affordable = self.paths_per_sec * budget.secs / f64::from(self.batch);
+        let groups = (affordable / f64::from(WORKGROUP)).clamp(1.0, f64::from(MAX_PIXELS / WORKGROUP)) as u32;
+        let range = (groups * WORKGROUP).min(pixel_count - self.batch_pixels);
+
+        let mut uniforms = view.uniforms(scene, lights, self.options.seed);
+        uniforms.first_pixel = self.batch_pixels;
+        uniforms.pixel_count = range;
+        uniforms.first_sample = self.samples;
+        uniforms.sample_count = self.batch;
+
+        let started = Instant::now();
+        let mut graph = gpu.graph("path");
+        graph.clear(&self.counters)?;
+        let mut pass = lights.bind(scene.bind(graph.pass(&self.kernel)));
+        pass = pass
+            .uniform("frame", bytemuck::bytes_of(&uniforms))
+            .read_write("accumulation", &self.accumulation)
+            .read_write("counters", &self.counters);
+        if let Some((direct, irradiance)) = &self.split {
+            pass = pass.read_write("split_direct", direct).read_write("split_irradiance", irradiance);
+        }
+        pass.dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
+        let ticket = graph.read_back(&self.counters, 0..16)?;
+        let mut report = graph.submit()?.wait()?;
+        let counters: Vec<u32> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);
+
+        let secs = started.elapsed().as_secs_f64().max(1e-6);
+        let rate = f64::from(range) * f64::from(self.batch) / secs;
+        self.paths_per_sec += (rate - self.paths_per_sec) * RATE_SMOOTHING;
+        // A machine that is much faster than assumed is believed at once; smoothing would take many short dispatches.
+        self.paths_per_sec = self.paths_per_sec.max(rate * 0.5);
+
+        self.batch_pixels += range;
+        let is_whole = self.batch_pixels == pixel_count;
+        if is_whole {
+            self.samples += self.batch;
+            self.batch = 0;
+            self.batch_pixels = 0;
+        }
+        Ok(Step {
+            is_whole,
+            rays: [counters[0].into(), counters[1].into(), counters[2].into()],
+            non_finite: counters[3].into(),
+            passes: report.passes,
+        })
+    }
+
+    fn invalidate(&mut self, change: Change) {
+        match change {
+            // Every pixel's estimate belongs to one camera and one set of lights.
+            Change::Camera | Change::Lights => {
+                self.samples = 0;
+                self.batch = 0;
+                self.batch_pixels = 0;
+            }
+        }
+    }
+
+    fn picture(&self) -> &Buffer {
+        &self.accumulation
+    }
+
+    fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    fn split(&self) -> Option<(&Buffer, &Buffer)> {
+        self.split.as_ref().map(|(direct, irradiance)| (direct, irradiance))
+    }
+
+    fn features(&self) -> Features {
+        self.features
+    }
+}
+
+/// Sums the times of passes of one name.
+pub fn merge_passes(into: &mut Vec<PassTime>, from: Vec<PassTime>) {
+    for pass in from {
+        match into.iter_mut().find(|known| known.name == pass.name) {
+            Some(known) => {
+                known.gpu_ms += pass.gpu_ms;
+                known.dispatches += pass.dispatches;
+            }
+            None => into.push(pass),
+        }
+    }
+}

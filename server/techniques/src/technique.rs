@@ -1,0 +1,148 @@
+//! What a technique is.
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError};
+use surfelcast_scene::SceneSummary;
+use surfelcast_shaders::Features;
+
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+
+/// How surfaces scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum MaterialMode {
+    /// glTF metallic-roughness with its extensions.
+    #[default]
+    Pbr,
+    /// Two-sided Lambertian of the base colour.
+    Lambert,
+}
+
+/// What changed since the last frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Position, direction or field of view.
+    Camera,
+    /// Any light, the environment or emission strength.
+    Lights,
+}
+
+/// What is promised about a technique's picture; tests hold it to that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Conformance {
+    /// The expected picture is the truth at any number of samples.
+    Unbiased,
+    /// The picture converges to the truth.
+    Consistent,
+    /// The picture converges to within this tone-mapped RMSE of the truth.
+    Biased {
+        /// Bound.
+        rmse_tonemapped: f32,
+    },
+}
+
+/// What a technique is made with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TechniqueOptions {
+    /// Picture size in pixels.
+    pub size: [u32; 2],
+    /// Materials.
+    pub materials: MaterialMode,
+    /// Direct and indirect light are kept apart too.
+    pub is_split: bool,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+/// Why a technique cannot work here.
+#[derive(Debug, thiserror::Error)]
+pub enum TechniqueError {
+    /// The device, a kernel or memory.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// This scene or device lacks what the technique needs.
+    #[error("technique {technique}: {reason}")]
+    Unsupported {
+        /// Technique id.
+        technique: &'static str,
+        /// What is missing.
+        reason: String,
+    },
+}
+
+/// How much one step may do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepBudget {
+    /// Device seconds aimed at; a step ends after about that long, so that others get their turn.
+    pub secs: f64,
+    /// Samples a pixel at which the caller will look at the picture next; the technique does not go past it.
+    pub until_samples: u32,
+    /// Largest number of samples a batch over all pixels may take. Fixed numbers keep pictures reproducible.
+    pub max_batch: u32,
+}
+
+/// What a step did.
+#[derive(Clone, Debug, Default)]
+pub struct Step {
+    /// Whether all pixels now have the same number of samples.
+    pub is_whole: bool,
+    /// Rays: primary, secondary, shadow.
+    pub rays: [u64; 3],
+    /// Samples that were not finite.
+    pub non_finite: u64,
+    /// Passes with their times.
+    pub passes: Vec<surfelcast_gpu::PassTime>,
+}
+
+/// A technique at work on one picture. Owns its history.
+pub trait Technique: Send {
+    /// Does the next piece of work and waits for it.
+    fn step(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        budget: StepBudget,
+    ) -> Result<Step, TechniqueError>;
+
+    /// Forgets what no longer holds.
+    fn invalidate(&mut self, change: Change);
+
+    /// Mean radiance (rgb) by pixel, unexposed; `vec4f`.
+    fn picture(&self) -> &Buffer;
+
+    /// Whole samples a pixel in the picture.
+    fn samples(&self) -> u32;
+
+    /// Direct light (bounced at most once) and B by pixel, where asked for.
+    fn split(&self) -> Option<(&Buffer, &Buffer)>;
+
+    /// Structural switches in use.
+    fn features(&self) -> Features;
+}
+
+/// A technique on offer: one line of the registry.
+#[derive(Clone, Copy)]
+pub struct TechniqueEntry {
+    /// Id on the command line and over HTTP.
+    pub id: &'static str,
+    /// Name for people.
+    pub label: &'static str,
+    /// One sentence.
+    pub summary: &'static str,
+    /// What is promised.
+    pub conformance: Conformance,
+    /// Kernels, for compilation ahead of use.
+    pub kernels: &'static [&'static str],
+    /// Whether it can render a scene at all.
+    pub needs: fn(&SceneSummary) -> Result<(), String>,
+    /// Makes one.
+    pub create: fn(&Gpu, &SceneBuffers, &LightBuffers, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>,
+}
+
+impl std::fmt::Debug for TechniqueEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TechniqueEntry").field("id", &self.id).finish_non_exhaustive()
+    }
+}
