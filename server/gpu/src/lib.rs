@@ -1,1 +1,30 @@
-//! placeholder
+//! The GPU: device, memory, kernels and the frame graph. Knows no scene and no light.
+//!
+//! * [`Gpu::open`] picks an adapter and opens a device; [`adapters`] reports what there is.
+//! * [`Gpu::kernel`] links and compiles a kernel of `shaders`; [`Gpu::prepare`] does so in the background.
+//! * [`Gpu::buffer`] makes memory, counted against a budget before the driver is asked.
+//! * [`Gpu::graph`] records passes that bind buffers by name; [`Graph::submit`] runs them and
+//!   [`Submission::wait`] brings back times and bytes.
+//!
+//! Nothing here panics when the device is lost: every call then answers [`GpuError::DeviceLost`], and the owner opens a
+//! new device and rebuilds from what it holds on the host. wgpu's types stay inside this crate.
+
+mod adapter;
+mod device;
+mod error;
+mod execute;
+mod graph;
+mod kernel;
+mod memory;
+mod pipeline_cache;
+mod staging;
+mod tracker;
+
+pub use adapter::{AdapterKind, AdapterReport, GpuLimits, Tier, adapters};
+pub use device::{Gpu, GpuOptions};
+pub use error::GpuError;
+pub use execute::{GraphReport, PassTime, Submission};
+pub use graph::{Graph, PassBuilder, Ticket};
+pub use kernel::Kernel;
+pub use memory::{Buffer, MemoryKind, MemoryUse};
+pub use tracker::TrackedError;

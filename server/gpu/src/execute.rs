@@ -1,0 +1,366 @@
+//! Running a graph: encoding, timing, waiting, bringing bytes back.
+//!
+//! GPUs get one submission with a pair of timestamps around each pass. CPU devices get one submission a pass, timed by
+//! the wall clock around submitting and waiting, since their timestamps are wrong.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::device::{Gpu, Inner};
+use crate::error::GpuError;
+use crate::graph::{Bound, DispatchSize, Graph, Pass, ReadBack, Step, Ticket};
+use crate::staging::StagingBuffer;
+
+/// Passes of one graph that have timestamps; the others count as taking no time.
+const TIMED_PASSES: usize = 1024;
+const TIMESTAMP_BYTES: u64 = 8;
+
+/// Time of all dispatches of one kernel in a graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassTime {
+    /// Name of the kernel.
+    pub name: String,
+    /// Milliseconds.
+    pub gpu_ms: f64,
+    /// Dispatches.
+    pub dispatches: u32,
+}
+
+/// What a finished graph brings back.
+#[derive(Debug, Clone)]
+pub struct GraphReport {
+    /// In order of first dispatch.
+    pub passes: Vec<PassTime>,
+    /// From submission to the end of waiting, milliseconds.
+    pub wall_ms: f64,
+    bytes: Vec<Option<Vec<u8>>>,
+}
+
+impl GraphReport {
+    /// The bytes of a ticket, once.
+    pub fn take(&mut self, ticket: Ticket) -> Result<Vec<u8>, GpuError> {
+        self.bytes.get_mut(ticket.0).and_then(Option::take).ok_or_else(|| GpuError::Validation {
+            context: "taking a read back".to_owned(),
+            message: "the ticket is of another graph, or its bytes were taken already".to_owned(),
+        })
+    }
+
+    /// Milliseconds of all passes.
+    pub fn gpu_ms(&self) -> f64 {
+        self.passes.iter().map(|pass| pass.gpu_ms).sum()
+    }
+}
+
+/// A graph on its way. Dropping it lets the work finish unseen.
+#[must_use = "a submission is waited for, or its times and bytes are lost"]
+pub struct Submission {
+    gpu: Gpu,
+    label: String,
+    index: wgpu::SubmissionIndex,
+    started: Instant,
+    passes: Vec<PassTime>,
+    /// For each timed dispatch, in order, the place in `passes`.
+    timed: Vec<usize>,
+    timestamps: Option<Mapping>,
+    read_backs: Vec<(ReadBack, Mapping)>,
+}
+
+impl fmt::Debug for Submission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Submission(`{}`)", self.label)
+    }
+}
+
+const MAPPING_PENDING: u8 = 0;
+const MAPPING_DONE: u8 = 1;
+const MAPPING_FAILED: u8 = 2;
+
+/// A staging buffer being mapped.
+struct Mapping {
+    buffer: StagingBuffer,
+    bytes: u64,
+    state: Arc<AtomicU8>,
+}
+
+impl Mapping {
+    fn start(buffer: StagingBuffer, bytes: u64) -> Self {
+        let state = Arc::new(AtomicU8::new(MAPPING_PENDING));
+        let shared = Arc::clone(&state);
+        buffer.raw.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
+            let outcome = if result.is_ok() { MAPPING_DONE } else { MAPPING_FAILED };
+            shared.store(outcome, Ordering::Release);
+        });
+        Mapping { buffer, bytes, state }
+    }
+
+    /// Hands the mapped bytes to `read` and the buffer back to the ring.
+    fn finish<T>(self, gpu: &Inner, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let failed = |message: String| GpuError::Validation { context: "read back".to_owned(), message };
+        if self.state.load(Ordering::Acquire) == MAPPING_PENDING {
+            // The callback comes with a poll after the work is done.
+            gpu.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(gpu.watchdog) })?;
+        }
+        if self.state.load(Ordering::Acquire) != MAPPING_DONE {
+            gpu.check()?;
+            return Err(failed("the buffer could not be mapped".to_owned()));
+        }
+        let view = self.buffer.raw.slice(..self.bytes).get_mapped_range().map_err(|error| failed(error.to_string()))?;
+        let result = read(&view);
+        drop(view);
+        self.buffer.raw.unmap();
+        gpu.staging.give_back(self.buffer);
+        Ok(result)
+    }
+}
+
+impl Submission {
+    /// Waits until the graph has run. A device that needs more than half a minute counts as lost.
+    pub fn wait(self) -> Result<GraphReport, GpuError> {
+        let limit = self.gpu.inner.watchdog;
+        self.gpu.inner.wait_for(&self.index, limit, &self.label)?;
+        self.collect()
+    }
+
+    /// Waits for at most `timeout` and gives the submission back if it is still running. A device that needs more than
+    /// half a minute in all counts as lost.
+    pub fn try_wait(self, timeout: Duration) -> Result<Result<GraphReport, Submission>, GpuError> {
+        let how = wgpu::PollType::Wait { submission_index: Some(self.index.clone()), timeout: Some(timeout) };
+        if self.gpu.inner.poll(how)? {
+            return self.collect().map(Ok);
+        }
+        let limit = self.gpu.inner.watchdog;
+        if self.started.elapsed() > limit {
+            let error = GpuError::Timeout { graph: self.label.clone(), limit_secs: limit.as_secs() };
+            self.gpu.inner.mark_lost(&error.to_string());
+            return Err(error);
+        }
+        Ok(Err(self))
+    }
+
+    fn collect(mut self) -> Result<GraphReport, GpuError> {
+        let inner = &self.gpu.inner;
+        if let Some(mapping) = self.timestamps.take() {
+            let period_ns = f64::from(inner.queue.get_timestamp_period());
+            let ticks: Vec<u64> = mapping.finish(inner, |bytes| {
+                let words = bytes.chunks_exact(TIMESTAMP_BYTES as usize);
+                words.map(|word| u64::from_le_bytes(word.try_into().unwrap_or_default())).collect()
+            })?;
+            for (pair, &pass) in ticks.chunks_exact(2).zip(&self.timed) {
+                // Some drivers let the clock of two engines differ by a little.
+                self.passes[pass].gpu_ms += pair[1].saturating_sub(pair[0]) as f64 * period_ns * 1e-6;
+            }
+        }
+        let mut bytes = Vec::with_capacity(self.read_backs.len());
+        for (read_back, mapping) in self.read_backs {
+            let start = (read_back.range.start - read_back.aligned.start) as usize;
+            let length = (read_back.range.end - read_back.range.start) as usize;
+            bytes.push(Some(mapping.finish(inner, |mapped| mapped[start..start + length].to_vec())?));
+        }
+        let wall_ms = self.started.elapsed().as_secs_f64() * 1e3;
+        Ok(GraphReport { passes: self.passes, wall_ms, bytes })
+    }
+}
+
+pub(crate) fn submit(graph: Graph) -> Result<Submission, GpuError> {
+    let gpu = graph.gpu.clone();
+    let inner = &*gpu.inner;
+    inner.check()?;
+    let started = Instant::now();
+    // Held until the queue has everything: uniform data and the passes that read it belong together.
+    let mut uniforms = inner.uniforms.lock();
+    let context = format!("graph `{}`", graph.label);
+    let recorded = inner.scoped(&context, graph.uniforms.len() as u64, || record(inner, &graph, &mut uniforms))??;
+    drop(uniforms);
+    for buffer in &graph.written {
+        buffer.mark_written();
+    }
+    let Recorded { index, passes, timed, timestamps, staging } = recorded;
+    let timestamps = timestamps.map(|buffer| Mapping::start(buffer, timed.len() as u64 * 2 * TIMESTAMP_BYTES));
+    let read_backs = graph.read_backs.into_iter().zip(staging).map(|(read_back, buffer)| {
+        let bytes = read_back.aligned.end - read_back.aligned.start;
+        (read_back, Mapping::start(buffer, bytes))
+    });
+    let read_backs = read_backs.collect();
+    Ok(Submission { gpu: gpu.clone(), label: graph.label, index, started, passes, timed, timestamps, read_backs })
+}
+
+struct Recorded {
+    index: wgpu::SubmissionIndex,
+    passes: Vec<PassTime>,
+    timed: Vec<usize>,
+    timestamps: Option<StagingBuffer>,
+    staging: Vec<StagingBuffer>,
+}
+
+fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> Result<Recorded, GpuError> {
+    upload_uniforms(inner, &graph.uniforms, uniforms);
+    let uniforms = uniforms.as_ref();
+    let staging = graph.read_backs.iter().map(|read_back| {
+        inner.staging.take(&inner.device, &inner.ledger, read_back.aligned.end - read_back.aligned.start)
+    });
+    let staging: Vec<StagingBuffer> = staging.collect::<Result<_, _>>()?;
+
+    let is_cpu = inner.report.kind == crate::adapter::AdapterKind::Cpu;
+    let dispatch_count = graph.steps.iter().filter(|step| matches!(step, Step::Pass(_))).count();
+    let queries = (inner.has_timestamps && dispatch_count > 0).then(|| {
+        let count = dispatch_count.min(TIMED_PASSES) as u32 * 2;
+        inner.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("pass times"),
+            ty: wgpu::QueryType::Timestamp,
+            count,
+        })
+    });
+
+    let mut passes: Vec<PassTime> = Vec::new();
+    let mut timed = Vec::new();
+    let mut encoder = new_encoder(inner, &graph.label);
+    for step in &graph.steps {
+        match step {
+            Step::Clear(buffer) => encoder.clear_buffer(&buffer.inner.raw, 0, None),
+            Step::ReadBack(index) => {
+                let read_back = &graph.read_backs[*index];
+                let length = read_back.aligned.end - read_back.aligned.start;
+                let from = &read_back.buffer.inner.raw;
+                encoder.copy_buffer_to_buffer(from, read_back.aligned.start, &staging[*index].raw, 0, length);
+            }
+            Step::Pass(pass) => {
+                let place = pass_time(&mut passes, pass.kernel.name());
+                passes[place].dispatches += 1;
+                let timestamps = queries.as_ref().filter(|_| timed.len() < TIMED_PASSES).map(|query_set| {
+                    let first = timed.len() as u32 * 2;
+                    timed.push(place);
+                    wgpu::ComputePassTimestampWrites {
+                        query_set,
+                        beginning_of_pass_write_index: Some(first),
+                        end_of_pass_write_index: Some(first + 1),
+                    }
+                });
+                let encode =
+                    |encoder: &mut wgpu::CommandEncoder| encode_pass(inner, encoder, pass, uniforms, timestamps);
+                if inner.checks_passes {
+                    // A broken pass is reported when its commands are closed, so each gets an encoder of its own.
+                    let before = std::mem::replace(&mut encoder, new_encoder(inner, &graph.label));
+                    let context = format!("pass `{}`", pass.kernel.name());
+                    let commands = inner.scoped(&context, 0, || {
+                        encode(&mut encoder);
+                        std::mem::replace(&mut encoder, new_encoder(inner, &graph.label)).finish()
+                    })?;
+                    let submitted_at = Instant::now();
+                    let index = inner.scoped(&context, 0, || inner.queue.submit([before.finish(), commands]))?;
+                    if is_cpu {
+                        inner.wait_for(&index, inner.watchdog, &graph.label)?;
+                        passes[place].gpu_ms += submitted_at.elapsed().as_secs_f64() * 1e3;
+                    }
+                } else {
+                    encode(&mut encoder);
+                    if is_cpu {
+                        let commands = std::mem::replace(&mut encoder, new_encoder(inner, &graph.label)).finish();
+                        let submitted_at = Instant::now();
+                        let index = inner.queue.submit([commands]);
+                        inner.wait_for(&index, inner.watchdog, &graph.label)?;
+                        passes[place].gpu_ms += submitted_at.elapsed().as_secs_f64() * 1e3;
+                    }
+                }
+            }
+        }
+    }
+    let timestamps = match &queries {
+        Some(queries) => Some(resolve(inner, &mut encoder, queries, timed.len() as u32 * 2)?),
+        None => None,
+    };
+    let index = inner.queue.submit([encoder.finish()]);
+    Ok(Recorded { index, passes, timed, timestamps, staging })
+}
+
+fn new_encoder(inner: &Inner, label: &str) -> wgpu::CommandEncoder {
+    inner.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+}
+
+fn pass_time(passes: &mut Vec<PassTime>, name: &str) -> usize {
+    if let Some(place) = passes.iter().position(|pass| pass.name == name) {
+        return place;
+    }
+    passes.push(PassTime { name: name.to_owned(), gpu_ms: 0.0, dispatches: 0 });
+    passes.len() - 1
+}
+
+/// One buffer serves all graphs: writes and submissions take effect in the order they reach the queue.
+fn upload_uniforms(inner: &Inner, data: &[u8], uniforms: &mut Option<wgpu::Buffer>) {
+    if data.is_empty() {
+        return;
+    }
+    let size = data.len() as u64;
+    if uniforms.as_ref().is_none_or(|buffer| buffer.size() < size) {
+        *uniforms = Some(inner.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("uniforms"),
+            size: size.next_power_of_two().max(4096),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        }));
+    }
+    if let Some(buffer) = uniforms {
+        inner.queue.write_buffer(buffer, 0, data);
+    }
+}
+
+fn encode_pass(
+    inner: &Inner,
+    encoder: &mut wgpu::CommandEncoder,
+    pass: &Pass,
+    uniforms: Option<&wgpu::Buffer>,
+    timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+) {
+    let kernel = &*pass.kernel.inner;
+    let mut commands =
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.kernel.name()), timestamp_writes });
+    commands.set_pipeline(&kernel.pipeline);
+    for (group, layout) in kernel.layouts.iter().enumerate() {
+        let Some(layout) = layout else { continue };
+        let bindings = kernel.reflection.bindings.iter().zip(&pass.bound);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
+            .filter(|(binding, _)| binding.group as usize == group)
+            .filter_map(|(binding, bound)| {
+                let resource = match bound {
+                    Bound::Storage(buffer) => buffer.inner.raw.as_entire_binding(),
+                    Bound::Uniform { offset, size_bytes } => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                        buffer: uniforms?,
+                        offset: *offset,
+                        size: std::num::NonZeroU64::new(*size_bytes),
+                    }),
+                };
+                Some(wgpu::BindGroupEntry { binding: binding.binding, resource })
+            })
+            .collect();
+        let bind_group = inner.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(pass.kernel.name()),
+            layout,
+            entries: &entries,
+        });
+        commands.set_bind_group(group as u32, &bind_group, &[]);
+    }
+    match &pass.size {
+        DispatchSize::Workgroups([x, y, z]) => commands.dispatch_workgroups(*x, *y, *z),
+        DispatchSize::Indirect(buffer, offset) => commands.dispatch_workgroups_indirect(&buffer.inner.raw, *offset),
+    }
+}
+
+fn resolve(
+    inner: &Inner,
+    encoder: &mut wgpu::CommandEncoder,
+    queries: &wgpu::QuerySet,
+    count: u32,
+) -> Result<StagingBuffer, GpuError> {
+    let bytes = u64::from(count) * TIMESTAMP_BYTES;
+    let resolved = inner.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("pass times"),
+        size: bytes,
+        usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    encoder.resolve_query_set(queries, 0..count, &resolved, 0);
+    let staging = inner.staging.take(&inner.device, &inner.ledger, bytes)?;
+    encoder.copy_buffer_to_buffer(&resolved, 0, &staging.raw, 0, bytes);
+    Ok(staging)
+}

@@ -1,0 +1,341 @@
+//! The frame graph: passes in order, each binding buffers by the names its kernel gives them.
+//!
+//! Everything that can be known to be wrong is said when the pass is recorded, with its name: a missing or surplus
+//! binding, the wrong access, a buffer that is too small, of another device, bound twice where one use writes, or read
+//! before anything wrote it.
+
+use std::collections::HashSet;
+use std::fmt;
+use std::ops::Range;
+
+use surfelcast_shaders::Access;
+
+use crate::device::Gpu;
+use crate::error::GpuError;
+use crate::execute::{self, Submission};
+use crate::kernel::Kernel;
+use crate::memory::Buffer;
+
+/// Uniform data of one graph, bytes; a frame needs a few hundred.
+const UNIFORM_BYTES_LIMIT: usize = 4 << 20;
+
+/// Passes to be run in order. Made by [`Gpu::graph`].
+#[derive(Debug)]
+pub struct Graph {
+    pub(crate) gpu: Gpu,
+    pub(crate) label: String,
+    pub(crate) steps: Vec<Step>,
+    /// Uniform data of all passes, each at the device's alignment.
+    pub(crate) uniforms: Vec<u8>,
+    /// Buffers that some step of this graph writes.
+    pub(crate) written: Vec<Buffer>,
+    written_ids: HashSet<u64>,
+    pub(crate) read_backs: Vec<ReadBack>,
+}
+
+pub(crate) enum Step {
+    Clear(Buffer),
+    Pass(Pass),
+    /// Index into the read backs; copied here, so that later passes do not show in it.
+    ReadBack(usize),
+}
+
+impl fmt::Debug for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Step::Clear(buffer) => write!(f, "clear {}", buffer.label()),
+            Step::Pass(pass) => write!(f, "pass {}", pass.kernel.name()),
+            Step::ReadBack(index) => write!(f, "read back {index}"),
+        }
+    }
+}
+
+pub(crate) struct Pass {
+    pub(crate) kernel: Kernel,
+    /// Parallel to the kernel's bindings.
+    pub(crate) bound: Vec<Bound>,
+    pub(crate) size: DispatchSize,
+}
+
+pub(crate) enum Bound {
+    Storage(Buffer),
+    Uniform { offset: u64, size_bytes: u64 },
+}
+
+pub(crate) enum DispatchSize {
+    Workgroups([u32; 3]),
+    Indirect(Buffer, u64),
+}
+
+#[derive(Debug)]
+pub(crate) struct ReadBack {
+    pub(crate) buffer: Buffer,
+    /// Rounded outwards to multiples of four.
+    pub(crate) aligned: Range<u64>,
+    /// What was asked for.
+    pub(crate) range: Range<u64>,
+}
+
+/// Names bytes that come back with the report of a graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ticket(pub(crate) usize);
+
+impl Graph {
+    pub(crate) fn new(gpu: Gpu, label: &str) -> Self {
+        Graph {
+            gpu,
+            label: label.to_owned(),
+            steps: Vec::new(),
+            uniforms: Vec::new(),
+            written: Vec::new(),
+            written_ids: HashSet::new(),
+            read_backs: Vec::new(),
+        }
+    }
+
+    /// Starts a pass; it is part of the graph once dispatched.
+    pub fn pass(&mut self, kernel: &Kernel) -> PassBuilder<'_> {
+        let bound = kernel.reflection().bindings.iter().map(|_| None).collect();
+        PassBuilder { graph: self, kernel: kernel.clone(), bound, problem: None }
+    }
+
+    /// Fills the buffer with zeros.
+    pub fn clear(&mut self, buffer: &Buffer) -> Result<(), GpuError> {
+        self.owns(buffer, "clear")?;
+        self.mark_written(buffer);
+        self.steps.push(Step::Clear(buffer.clone()));
+        Ok(())
+    }
+
+    /// Copies bytes of the buffer, as they are after the passes so far, to the host. They come with the report.
+    pub fn read_back(&mut self, buffer: &Buffer, range: Range<u64>) -> Result<Ticket, GpuError> {
+        self.owns(buffer, "read back")?;
+        let refuse = |message: String| {
+            Err(GpuError::Validation { context: format!("read back of `{}`", buffer.label()), message })
+        };
+        if range.start >= range.end || range.end > buffer.size_bytes() {
+            return refuse(format!("bytes {range:?} are empty or pass the end at {}", buffer.size_bytes()));
+        }
+        if !self.is_written(buffer) {
+            return refuse("nothing was ever written to it".to_owned());
+        }
+        let aligned = range.start / 4 * 4..range.end.next_multiple_of(4);
+        self.read_backs.push(ReadBack { buffer: buffer.clone(), aligned, range });
+        let index = self.read_backs.len() - 1;
+        self.steps.push(Step::ReadBack(index));
+        Ok(Ticket(index))
+    }
+
+    /// Runs everything. On CPU devices this waits for each pass in turn, to time it; on others it returns at once.
+    pub fn submit(self) -> Result<Submission, GpuError> {
+        execute::submit(self)
+    }
+
+    fn owns(&self, buffer: &Buffer, what: &str) -> Result<(), GpuError> {
+        if buffer.inner.device_id == self.gpu.inner.id {
+            return Ok(());
+        }
+        let message = "the buffer belongs to another device".to_owned();
+        Err(GpuError::Validation { context: format!("{what} of `{}`", buffer.label()), message })
+    }
+
+    fn is_written(&self, buffer: &Buffer) -> bool {
+        buffer.is_written() || self.written_ids.contains(&buffer.inner.id)
+    }
+
+    fn mark_written(&mut self, buffer: &Buffer) {
+        if self.written_ids.insert(buffer.inner.id) {
+            self.written.push(buffer.clone());
+        }
+    }
+}
+
+/// A pass being recorded. The first mistake is kept and told by the dispatch.
+#[derive(Debug)]
+#[must_use = "a pass does nothing until it is dispatched"]
+pub struct PassBuilder<'g> {
+    graph: &'g mut Graph,
+    kernel: Kernel,
+    bound: Vec<Option<Bound>>,
+    problem: Option<GpuError>,
+}
+
+impl fmt::Debug for Bound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Bound::Storage(buffer) => buffer.fmt(f),
+            Bound::Uniform { offset, size_bytes } => write!(f, "uniform {offset}+{size_bytes}"),
+        }
+    }
+}
+
+impl PassBuilder<'_> {
+    /// Binds a buffer the kernel only reads.
+    pub fn read(self, name: &str, buffer: &Buffer) -> Self {
+        self.storage(name, buffer, Access::StorageRead)
+    }
+
+    /// Binds a buffer the kernel writes, or reads and writes.
+    pub fn read_write(self, name: &str, buffer: &Buffer) -> Self {
+        self.storage(name, buffer, Access::StorageReadWrite)
+    }
+
+    /// Binds the buffer if this variant of the kernel has such a binding.
+    pub fn read_if_bound(self, name: &str, buffer: &Buffer) -> Self {
+        if self.kernel.binds(name) { self.read(name, buffer) } else { self }
+    }
+
+    /// Binds the buffer if this variant of the kernel has such a binding.
+    pub fn read_write_if_bound(self, name: &str, buffer: &Buffer) -> Self {
+        if self.kernel.binds(name) { self.read_write(name, buffer) } else { self }
+    }
+
+    /// Binds constants of this dispatch: the bytes of the structure the kernel declares.
+    pub fn uniform(mut self, name: &str, bytes: &[u8]) -> Self {
+        let Some(index) = self.slot(name, Access::Uniform) else { return self };
+        let needed = self.kernel.reflection().bindings[index].min_size as usize;
+        if bytes.len() != needed {
+            let given = bytes.len();
+            return self.fail(name, format!("{given} bytes are given, the kernel's structure has {needed}"));
+        }
+        let alignment = self.graph.gpu.limits().uniform_alignment.max(16) as usize;
+        let offset = self.graph.uniforms.len().next_multiple_of(alignment);
+        let end = offset + bytes.len().next_multiple_of(16);
+        if end > UNIFORM_BYTES_LIMIT {
+            return self.fail(name, format!("a graph carries at most {UNIFORM_BYTES_LIMIT} bytes of uniform data"));
+        }
+        self.graph.uniforms.resize(end, 0);
+        self.graph.uniforms[offset..offset + bytes.len()].copy_from_slice(bytes);
+        let size_bytes = (end - offset) as u64;
+        self.bound[index] = Some(Bound::Uniform { offset: offset as u64, size_bytes });
+        self
+    }
+
+    /// Adds the pass with a fixed number of workgroups in x, y, z. Zero of any is allowed and does nothing.
+    pub fn dispatch(self, workgroups: [u32; 3]) -> Result<(), GpuError> {
+        let limit = self.graph.gpu.limits().workgroups_per_dimension;
+        if let Some(&count) = workgroups.iter().find(|&&count| count > limit) {
+            let message = format!("{count} workgroups in one dimension, this device allows {limit}");
+            return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
+        }
+        self.finish(DispatchSize::Workgroups(workgroups))
+    }
+
+    /// Adds the pass with the number of workgroups that `buffer` holds at `offset`: three `u32`. Made by
+    /// [`Gpu::indirect_buffer`].
+    pub fn dispatch_indirect(self, buffer: &Buffer, offset: u64) -> Result<(), GpuError> {
+        let refuse = |message: &str| {
+            let context = format!("pass `{}`, sizes from `{}`", self.kernel.name(), buffer.label());
+            Err(GpuError::Validation { context, message: message.to_owned() })
+        };
+        if !buffer.inner.indirect {
+            return refuse("the buffer was not made by `indirect_buffer`");
+        }
+        if !offset.is_multiple_of(4) || offset.checked_add(12).is_none_or(|end| end > buffer.size_bytes()) {
+            return refuse("the offset is no multiple of 4, or passes the end");
+        }
+        if !self.graph.is_written(buffer) {
+            return refuse("nothing was ever written to it");
+        }
+        let bindings = self.kernel.reflection().bindings.iter().zip(&self.bound);
+        let mut aliases = bindings.filter(|(binding, bound)| {
+            binding.access == Access::StorageReadWrite
+                && matches!(bound, Some(Bound::Storage(other)) if other.same_as(buffer))
+        });
+        if aliases.next().is_some() {
+            return refuse("the pass itself writes it");
+        }
+        self.graph.owns(buffer, "dispatch")?;
+        self.finish(DispatchSize::Indirect(buffer.clone(), offset))
+    }
+
+    fn finish(mut self, size: DispatchSize) -> Result<(), GpuError> {
+        if let Some(problem) = self.problem.take() {
+            return Err(problem);
+        }
+        if self.kernel.inner.device_id != self.graph.gpu.inner.id {
+            let message = "the kernel belongs to another device".to_owned();
+            return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
+        }
+        let bindings = &self.kernel.reflection().bindings;
+        if let Some(index) = self.bound.iter().position(Option::is_none) {
+            let name = bindings[index].name.clone();
+            return Err(self.binding_error(&name, "the kernel binds it, the pass does not".to_owned()));
+        }
+        let bound: Vec<Bound> = std::mem::take(&mut self.bound).into_iter().flatten().collect();
+        for (binding, bound) in bindings.iter().zip(&bound) {
+            if let (Access::StorageReadWrite, Bound::Storage(buffer)) = (binding.access, bound) {
+                self.graph.mark_written(buffer);
+            }
+        }
+        self.graph.steps.push(Step::Pass(Pass { kernel: self.kernel, bound, size }));
+        Ok(())
+    }
+
+    fn storage(mut self, name: &str, buffer: &Buffer, access: Access) -> Self {
+        let Some(index) = self.slot(name, access) else { return self };
+        let least = u64::from(self.kernel.reflection().bindings[index].min_size);
+        if buffer.size_bytes() < least {
+            let given = buffer.size_bytes();
+            return self.fail(name, format!("`{}` has {given} bytes, the kernel needs {least}", buffer.label()));
+        }
+        if buffer.inner.device_id != self.graph.gpu.inner.id {
+            return self.fail(name, format!("`{}` belongs to another device", buffer.label()));
+        }
+        if access == Access::StorageRead && !self.graph.is_written(buffer) {
+            return self.fail(name, format!("`{}` is read, but nothing was ever written to it", buffer.label()));
+        }
+        let bindings = self.kernel.reflection().bindings.iter().zip(&self.bound);
+        let alias = bindings.filter(|(_, bound)| matches!(bound, Some(Bound::Storage(other)) if other.same_as(buffer)));
+        let alias = alias
+            .filter(|(binding, _)| access == Access::StorageReadWrite || binding.access == Access::StorageReadWrite)
+            .map(|(binding, _)| binding.name.clone())
+            .next();
+        if let Some(other) = alias {
+            return self.fail(name, format!("`{}` is bound as `{other}` too, and one of them writes", buffer.label()));
+        }
+        self.bound[index] = Some(Bound::Storage(buffer.clone()));
+        self
+    }
+
+    /// The place of a binding, if the kernel has it, with that access, and it is still free.
+    fn slot(&mut self, name: &str, access: Access) -> Option<usize> {
+        let bindings = &self.kernel.reflection().bindings;
+        let Some(index) = bindings.iter().position(|binding| binding.name == name) else {
+            let names: Vec<&str> = bindings.iter().map(|binding| binding.name.as_str()).collect();
+            let problem = format!("the kernel has no such binding; it has: {}", names.join(", "));
+            self.note(name, problem);
+            return None;
+        };
+        let declared = bindings[index].access;
+        if declared != access {
+            let right = match declared {
+                Access::Uniform => "bind it with `uniform`",
+                Access::StorageRead => "the kernel only reads it: bind it with `read`",
+                Access::StorageReadWrite => "the kernel writes it: bind it with `read_write`",
+            };
+            self.note(name, right.to_owned());
+            return None;
+        }
+        if self.bound[index].is_some() {
+            self.note(name, "it is bound twice".to_owned());
+            return None;
+        }
+        Some(index)
+    }
+
+    fn fail(mut self, name: &str, problem: String) -> Self {
+        self.note(name, problem);
+        self
+    }
+
+    fn note(&mut self, name: &str, problem: String) {
+        if self.problem.is_none() {
+            self.problem = Some(self.binding_error(name, problem));
+        }
+    }
+
+    fn binding_error(&self, name: &str, problem: String) -> GpuError {
+        GpuError::Binding { pass: self.kernel.name().to_owned(), name: name.to_owned(), problem }
+    }
+}

@@ -1,0 +1,69 @@
+//! Buffers through which bytes come back to the host, reused from frame to frame.
+//!
+//! Only the bytes a submission copied are ever read, so nothing of an earlier user can be seen.
+
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+
+use crate::error::GpuError;
+use crate::memory::{Admission, MemoryKind, MemoryLedger};
+
+/// Bytes kept for reuse; more are freed when they come back.
+const KEPT_BYTES: u64 = 64 << 20;
+const SMALLEST_BYTES: u64 = 4 << 10;
+
+/// A mappable buffer and its part of the budget.
+pub(crate) struct StagingBuffer {
+    pub(crate) raw: wgpu::Buffer,
+    size_bytes: u64,
+    _admission: Admission,
+}
+
+/// The buffers at rest.
+#[derive(Default)]
+pub(crate) struct StagingRing {
+    free: Mutex<Vec<StagingBuffer>>,
+}
+
+impl StagingRing {
+    /// A buffer of at least `bytes`, unmapped.
+    pub(crate) fn take(
+        &self,
+        device: &wgpu::Device,
+        ledger: &Arc<MemoryLedger>,
+        bytes: u64,
+    ) -> Result<StagingBuffer, GpuError> {
+        // Powers of two, so that sizes that vary a little meet again.
+        let size_bytes = bytes.max(SMALLEST_BYTES).checked_next_power_of_two().unwrap_or(bytes);
+        {
+            let mut free = self.free.lock();
+            if let Some(index) = free.iter().position(|buffer| buffer.size_bytes == size_bytes) {
+                return Ok(free.swap_remove(index));
+            }
+        }
+        let admission = match ledger.admit("read back", MemoryKind::Staging, size_bytes) {
+            Ok(admission) => admission,
+            Err(_) => {
+                self.free.lock().clear();
+                ledger.admit("read back", MemoryKind::Staging, size_bytes)?
+            }
+        };
+        let raw = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: size_bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        Ok(StagingBuffer { raw, size_bytes, _admission: admission })
+    }
+
+    /// Takes an unmapped buffer back.
+    pub(crate) fn give_back(&self, buffer: StagingBuffer) {
+        let mut free = self.free.lock();
+        let kept: u64 = free.iter().map(|other| other.size_bytes).sum();
+        if kept + buffer.size_bytes <= KEPT_BYTES {
+            free.push(buffer);
+        }
+    }
+}
