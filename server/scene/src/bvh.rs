@@ -2,24 +2,27 @@
 //!
 //! What is added to the builder: coordinates are scaled by a power of two so that no absolute threshold inside it matters
 //! (tiny.glb is 60 micrometres wide); child boxes are quantised again so that they contain their triangles with a margin
-//! of about 2^-21 of the hierarchy's extent, which covers the rounding of a slab test in `f32`; and a tree that comes out
-//! too deep (thousands of triangles in the same place) is replaced by a balanced one, so that a traversal stack has a
-//! known size.
+//! of about 2^-21 of the hierarchy's extent, which covers the rounding of a slab test in `f32`; and the depth is bounded,
+//! so that a traversal stack has a known size.
+//!
+//! The binary tree is built top down by binned surface-area cost instead of `obvhs`' PLOC, which takes quadratic time where
+//! many triangles stand in one place (69 s for 50,000 equal ones) and so would let a small upload stall the server.
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
-use obvhs::{Boundable, BvhBuildParams};
 
 use crate::geometry::BvhNode;
+use split::Split;
 
-/// Levels of one hierarchy at most. A traversal keeps at most one stack entry a level, so 2 x 12 + 1 entries always do.
-pub const MAX_DEPTH: u32 = 12;
+mod split;
+
+/// Levels of one hierarchy at most. A traversal keeps at most one stack entry a level, so 32 entries always do.
+pub const MAX_DEPTH: u32 = 16;
 
 /// A hierarchy over primitives.
 #[derive(Debug, Default)]
@@ -77,56 +80,42 @@ fn split_large(boxes: &mut Vec<Aabb>, owner: &mut Vec<u32>, triangles: &[Triangl
     }
 }
 
-struct Boxed<'a>(&'a Aabb);
-
-impl Boundable for Boxed<'_> {
-    fn aabb(&self) -> Aabb {
-        *self.0
-    }
-}
-
 /// Builds over scaled boxes and returns nodes in unscaled coordinates.
 fn build_boxes(boxes: &[Aabb], scale: f32) -> Hierarchy {
     if boxes.is_empty() {
         return Hierarchy::default();
     }
-    let mut bvh2 = build_binary(boxes);
-    for attempt in 0..2 {
-        if binary_depth(&bvh2) <= 8 * MAX_DEPTH {
-            let wide = bvh2_to_cwbvh(&bvh2, 3, true, true);
-            let depth = wide_depth(&wide.nodes);
-            if depth <= MAX_DEPTH || attempt == 1 {
-                let mut nodes = wide.nodes;
-                let exact = wide.exact_node_aabbs.unwrap_or_default();
-                requantise(&mut nodes, &exact, &wide.primitive_indices, boxes, scale);
-                return Hierarchy { nodes, order: wide.primitive_indices, depth };
-            }
-        }
-        bvh2 = balanced(boxes);
+    let mut bvh2 = split::build(boxes, Split::SurfaceArea);
+    optimise(&mut bvh2);
+    let mut wide = bvh2_to_cwbvh(&bvh2, 3, true, true);
+    if wide_depth(&wide.nodes) > MAX_DEPTH {
+        wide = bvh2_to_cwbvh(&split::build(boxes, Split::Median), 3, true, true);
     }
-    unreachable!("the balanced hierarchy is shallow")
+    let depth = wide_depth(&wide.nodes);
+    let mut nodes = wide.nodes;
+    let exact = wide.exact_node_aabbs.unwrap_or_default();
+    requantise(&mut nodes, &exact, &wide.primitive_indices, boxes, scale);
+    Hierarchy { nodes, order: wide.primitive_indices, depth }
 }
 
-/// Best tree that the size of the input leaves time for.
-fn build_binary(boxes: &[Aabb]) -> Bvh2 {
-    let params = match boxes.len() {
-        0..=300_000 => BvhBuildParams::very_slow_build(),
-        300_001..=2_000_000 => BvhBuildParams::slow_build(),
-        _ => BvhBuildParams::medium_build(),
-    };
-    let boundable: Vec<Boxed<'_>> = boxes.iter().map(Boxed).collect();
-    let mut bvh2 = PlocBuilder::with_capacity(boxes.len()).build(
-        params.ploc_search_distance,
-        &boundable,
-        (0..boxes.len() as u32).collect(),
-        params.sort_precision,
-        params.search_depth_threshold,
-    );
-    // Reinsertion walks from the root for each node, which does not pay (or end) where the tree is a list.
-    if binary_depth(&bvh2) <= 8 * MAX_DEPTH {
-        ReinsertionOptimizer::default().run(&mut bvh2, params.reinsertion_batch_ratio, None);
+/// Expected boxes met by a ray, above which reinsertion is left out.
+const MAX_COST: f64 = 4000.0;
+
+/// Moves subtrees to where they cost less (Meister and Bittner 2018). The search for a place visits about as many nodes as
+/// a ray does, so it is left out where boxes overlap so much that it would not end in reasonable time.
+fn optimise(bvh2: &mut Bvh2) {
+    let half_area = |node: &Bvh2Node| f64::from(node.aabb().half_area());
+    let root = bvh2.nodes.first().map_or(0.0, half_area);
+    let cost = bvh2.nodes.iter().filter(|node| !node.is_leaf()).map(half_area).sum::<f64>() / root;
+    if !(cost < MAX_COST) || binary_depth(bvh2) > split::MAX_BINARY_DEPTH {
+        return;
     }
-    bvh2
+    let ratio = match bvh2.primitive_indices.len() {
+        0..=300_000 => 1.0,
+        300_001..=2_000_000 => 0.2,
+        _ => 0.05,
+    };
+    ReinsertionOptimizer::default().run(bvh2, ratio, None);
 }
 
 /// Levels below and including the root, without recursion.
@@ -152,32 +141,6 @@ fn wide_depth(nodes: &[BvhNode]) -> u32 {
         stack.extend((0..node.imask.count_ones()).map(|k| (node.child_base_idx + k, depth + 1)));
     }
     deepest
-}
-
-/// Splits at the median of the widest axis; depth is the logarithm of the count.
-fn balanced(boxes: &[Aabb]) -> Bvh2 {
-    let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut nodes = vec![Bvh2Node::default()];
-    let mut work = vec![(0usize, 0usize, boxes.len())];
-    while let Some((node, start, end)) = work.pop() {
-        let items = &mut order[start..end];
-        let around = items.iter().fold(Aabb::empty(), |a, &i| a.union(&boxes[i as usize]));
-        if items.len() == 1 {
-            nodes[node] = Bvh2Node::new(around, 1, start as u32);
-            continue;
-        }
-        let centres = items.iter().fold(Aabb::empty(), |mut a, &i| *a.extend(boxes[i as usize].center()));
-        let axis = centres.largest_axis();
-        let middle = items.len() / 2;
-        items.select_nth_unstable_by(middle, |&a, &b| {
-            boxes[a as usize].center_axis(axis).total_cmp(&boxes[b as usize].center_axis(axis)).then(a.cmp(&b))
-        });
-        let first = nodes.len();
-        nodes.extend([Bvh2Node::default(); 2]);
-        nodes[node] = Bvh2Node::new(around, 0, first as u32);
-        work.extend([(first, start, start + middle), (first + 1, start + middle, end)]);
-    }
-    Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
 }
 
 /// Writes origin, exponents and child boxes of every node again, outward by a margin, in unscaled coordinates.

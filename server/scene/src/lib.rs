@@ -14,6 +14,7 @@ pub mod camera;
 pub mod environment;
 pub mod error;
 pub mod geometry;
+pub mod glb;
 pub mod lights;
 pub mod limits;
 mod load;
