@@ -174,6 +174,25 @@ fn crates_share_lints_and_version() -> Result<()> {
     report(&faults)
 }
 
+/// Clippy reads the nearest clippy.toml only, so the one of server/gpu repeats the root's but for the bans it is exempt from.
+#[test]
+fn both_lint_tables_agree() -> Result<()> {
+    let read = |path: &str| -> Result<toml::Table> { Ok(fs::read_to_string(root().join(path))?.parse()?) };
+    let (mut all, here) = (read("clippy.toml")?, read("server/gpu/clippy.toml")?);
+    let bans =
+        all.get_mut("disallowed-methods").and_then(toml::Value::as_array_mut).context("no disallowed-methods")?;
+    let count = bans.len();
+    bans.retain(|ban| {
+        !ban.get("path").and_then(toml::Value::as_str).is_some_and(|path| path.starts_with("wgpu::Device::create_"))
+    });
+    ensure!(bans.len() < count, "clippy.toml no longer bans wgpu::Device::create_*");
+    ensure!(
+        all == here,
+        "server/gpu/clippy.toml differs from clippy.toml by more than the bans on wgpu::Device::create_*"
+    );
+    Ok(())
+}
+
 /// Name that a heading is linked by, as code hosts form it.
 fn anchor(heading: &str) -> String {
     heading
