@@ -1,0 +1,149 @@
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import { onStage, until, withBrowser } from './support/stage.js';
+
+withBrowser();
+
+const lights = (server) => server.heard('light');
+
+test('lights are listed, edited, added and removed', onStage(async ({ page, server }) => {
+  const panel = page.locator('#lights-panel');
+  const lamp = panel.locator('.light', { hasText: 'Desk lamp' });
+  await lamp.locator('summary').click();
+
+  await lamp.getByRole('spinbutton', { name: /^Intensity/ }).fill('40');
+  await lamp.getByRole('spinbutton', { name: /^Intensity/ }).press('Enter');
+  await until('the intensity', () => lights(server).at(-1)?.patch.set?.intensity === 40);
+  assert.deepEqual([lights(server).length, lights(server)[0].phase, lights(server)[0].patch.set.id], [1, 'end', 2]);
+
+  await lamp.getByRole('spinbutton', { name: 'Position Y' }).fill('1.25');
+  await lamp.getByRole('spinbutton', { name: 'Position Y' }).press('Enter');
+  await until('the position', () => lights(server).at(-1).patch.set?.position[1] === 1.25);
+
+  await lamp.getByRole('button', { name: /Move along X/ }).press('ArrowRight');
+  await until('the nudge', () => lights(server).at(-1).patch.set?.position[0] > 0.5);
+
+  await lamp.getByLabel('Colour of Desk lamp').fill('#ff0000');
+  await until('the colour', () => lights(server).at(-1).patch.set?.color.join() === '1,0,0' && lights(server).at(-1).phase === 'end');
+
+  await lamp.getByRole('switch').click();
+  await until('off', () => lights(server).at(-1).patch.set?.enabled === false);
+
+  await panel.getByRole('button', { name: 'Add point light' }).click();
+  await until('the new light', () => lights(server).at(-1).patch.add?.kind === 'point');
+  const added = panel.locator('.light', { hasText: 'Point light' });
+  await added.getByRole('button', { name: 'Remove' }).click();
+  await until('the removal', () => lights(server).at(-1).patch.remove === 3);
+  await added.waitFor({ state: 'detached' });
+}));
+
+test('a dragged slider sends start, moves and end, and keeps under the hand', onStage(async ({ page, server }) => {
+  const strength = page.locator('#lights-panel').getByRole('slider', { name: 'Environment' });
+  const box = await strength.boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.8, box.y + box.height / 2, { steps: 15 });
+  await page.mouse.up();
+  await until('the end', () => lights(server).at(-1)?.phase === 'end');
+  const phases = lights(server).map(({ phase }) => phase);
+  assert.equal(phases[0], 'start');
+  assert.ok(phases.includes('move'));
+  assert.equal(phases.filter((phase) => phase === 'end').length, 1);
+  const { environment_strength: sent } = lights(server).at(-1).patch;
+  assert.ok(sent > 3, `strength ${sent}`);
+  assert.ok(Math.abs(Number(await page.locator('#lights-panel').getByRole('spinbutton', { name: /Environment/ }).inputValue()) - sent) < 0.01 * sent);
+}));
+
+test('the sun is turned by azimuth and elevation', onStage(async ({ page, server }) => {
+  const sun = page.locator('#lights-panel .light').first();
+  await sun.locator('summary').click();
+  for (const [name, value] of [['Azimuth', '90'], ['Elevation', '30']]) {
+    const input = sun.getByRole('spinbutton', { name: new RegExp(`^${name}`) });
+    await input.fill(value);
+    await input.press('Enter');
+  }
+  await until('both edits', () => lights(server).length === 2);
+  const [x, y, z] = lights(server).at(-1).patch.set.direction;
+  assert.ok(Math.abs(x + Math.cos(Math.PI / 6)) < 1e-9 && Math.abs(y + 0.5) < 1e-9 && Math.abs(z) < 1e-9);
+}));
+
+test('another person moving a light is seen here', onStage(async ({ page, server }) => {
+  server.editLights({ set: { ...server.lights.lights[0], name: 'Evening sun' } });
+  server.client.sendLights();
+  await page.locator('#lights-panel').getByText('Evening sun').waitFor();
+}));
+
+test('exposure is sent as a factor, technique by its id, and both survive a reconnect', onStage(
+  async ({ page, server }) => {
+    const exposure = page.locator('#view-panel').getByRole('spinbutton', { name: /Exposure/ });
+    await exposure.fill('2');
+    await exposure.press('Enter');
+    await until('the factor', () => server.heard('view.set').at(-1).exposure === 4);
+    await page.getByLabel('Technique').selectOption('surfel');
+    await until('the technique', () => server.heard('view.set').at(-1).technique === 'surfel');
+    assert.match(await page.locator('#view-panel').innerText(), /Persistent cache of indirect light/);
+    server.client.socket.terminate();
+    await until('a new connection', () => server.heard('hello').length === 2 && server.heard('view.set').at(-1).w);
+    const wishes = server.heard('view.set').at(-1);
+    assert.deepEqual([wishes.exposure, wishes.technique], [4, 'surfel']);
+  },
+));
+
+test('import warnings are there to be read', onStage(async ({ page }) => {
+  const warnings = page.locator('.warnings');
+  await warnings.locator('summary').click();
+  assert.match(await warnings.innerText(), /1 note from the import\s+KHR_materials_clearcoat/);
+}));
+
+test('scenes can be switched', onStage(async ({ page, server }) => {
+  await page.getByLabel('Scene', { exact: true }).selectOption({ label: 'Interior' });
+  await until('a new stream', () => server.heard('hello').length === 2);
+}));
+
+const glb = { name: 'room.glb', mimeType: 'model/gltf-binary', buffer: Buffer.from('glTF') };
+
+test('an uploaded file is opened', onStage(async ({ page, server }) => {
+  await page.locator('#file').setInputFiles(glb);
+  await until('its stream', () => server.heard('hello').length === 2);
+  assert.equal(await page.getByLabel('Scene', { exact: true }).evaluate((select) => select.selectedOptions[0].text), 'Interior');
+}));
+
+test('a refused upload is told in the words of the server', onStage(
+  async ({ page }) => {
+    await page.locator('#file').setInputFiles(glb);
+    const toast = page.locator('#toasts .toast');
+    await toast.waitFor();
+    assert.match(await toast.innerText(), /Scene too large: the file has 9 MB, the limit is 8 MB; simplify the scene/);
+    await toast.getByRole('button', { name: 'Dismiss' }).click();
+    await toast.waitFor({ state: 'detached' });
+  },
+  {
+    allow: /413/,
+    prepare: (server) => {
+      server.uploadAnswer = {
+        status: 413,
+        body: { type: 'about:blank', title: 'Scene too large', status: 413, code: 'scene_too_large', detail: 'the file has 9 MB, the limit is 8 MB; simplify the scene' },
+      };
+    },
+  },
+));
+
+test('a dropped file is opened, and one of another kind is refused kindly', onStage(async ({ page, server }) => {
+  const drop = (name) =>
+    page.evaluate((fileName) => {
+      const data = new DataTransfer();
+      data.items.add(new File(['glTF'], fileName));
+      for (const type of ['dragenter', 'dragover', 'drop']) {
+        document.body.dispatchEvent(new DragEvent(type, { bubbles: true, cancelable: true, dataTransfer: data }));
+      }
+    }, name);
+  await drop('holiday.jpg');
+  await page.getByText('holiday.jpg is not a .glb file').waitFor();
+  await drop('room.glb');
+  await until('its stream', () => server.heard('hello').length === 2);
+}));
+
+test('what the server refuses is shown', onStage(async ({ page, server }) => {
+  server.client.send({ t: 'error', code: 'too_many_lights', detail: 'the session has 256 lights, the limit; remove one first' });
+  await page.getByText('the session has 256 lights').waitFor();
+}));

@@ -1,0 +1,114 @@
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import { cardText, centre, hasSettled, onStage, until, withBrowser } from './support/stage.js';
+import { FakeServer } from './support/fake-server.js';
+import { colorAt } from './support/browser.js';
+
+withBrowser();
+
+// A page whose server is away logs failed requests; that is what these tests are about.
+const away = { allow: /ERR_CONNECTION|WebSocket connection|status of 503|404/ };
+
+test('a killed server is missed, counted down to, and taken up again with camera and token', onStage(async ({ page, server }) => {
+  const { x, y } = await centre(page);
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 100, y, { steps: 5 });
+  await page.mouse.up();
+  await until('the orbit', () => server.heard('camera').at(-1).phase === 'end');
+  const { pose } = server.heard('camera').at(-1);
+  const { port } = server;
+  await server.kill();
+  await until('the message', async () => /not answering.*Next try in \d+ s.*Try now/.test(await cardText(page)));
+  assert.equal(await page.locator('#lights-panel').evaluate((fields) => fields.disabled), true);
+  const [r, g, b] = await colorAt(page, 0.5, 0.3);
+  assert.ok(r + g + b > 60, 'the last picture stays');
+  const card = await page.locator('surfelcast-view').locator('.card').boundingBox();
+  const view = (await centre(page)).box;
+  assert.ok(card.y > view.y + view.height * 0.6, 'and the message does not cover its centre');
+
+  const back = await new FakeServer().start(port);
+  try {
+    await until('hello again', () => back.heard('hello').length > 0, 20_000);
+    assert.equal(back.heard('hello')[0].resume, 'token-1');
+    await until('the camera', () => back.heard('camera').length > 0);
+    assert.deepEqual(back.heard('camera')[0].pose, pose);
+    await hasSettled(page);
+    assert.equal(await cardText(page), '');
+  } finally {
+    await back.kill();
+  }
+}, away));
+
+test('after a restart the same scene is found in its new session', onStage(async ({ page, server }) => {
+  const { port } = server;
+  await server.kill();
+  const back = new FakeServer();
+  back.session = 'another-id';
+  await back.start(port);
+  try {
+    await until('hello in the new session', () => back.heard('hello').length > 0, 20_000);
+    await hasSettled(page);
+  } finally {
+    await back.kill();
+  }
+}, away));
+
+test('a full server is told as such, and asked again later', onStage(
+  async ({ page, server }) => {
+    await until('the message', async () => /render server is full.*Next try in [45] s/.test(await cardText(page)));
+    server.closeWith = undefined;
+    await page.locator('surfelcast-view').getByRole('button', { name: 'Try now' }).click();
+    await hasSettled(page);
+    assert.equal(await cardText(page), '');
+  },
+  { settled: false, prepare: (server) => { server.closeWith = 1013; } },
+));
+
+for (const [code, text] of [
+  [4503, /render server is full/],
+  [4507, /graphics device failed/],
+  [1012, /restarting/],
+  [4409, /continues elsewhere.*Take it back/],
+  [4426, /has been updated.*Reload/],
+  [1008, /may not use the render server/],
+]) {
+  test(`close code ${code} is put into words`, onStage(async ({ page, server }) => {
+    server.client.socket.close(code);
+    await until('the message', async () => text.test(await cardText(page)), 5000);
+    assert.match(await page.locator('surfelcast-view').locator('.live').textContent(), /\./, 'and spoken');
+  }));
+}
+
+test('a session that ended moves on to the new one of its scene', onStage(async ({ page, server }) => {
+  server.session = 'session-2';
+  server.client.socket.close(4404);
+  await until('hello in the new session', () => server.heard('hello').length === 2);
+  await hasSettled(page);
+}, away));
+
+test('notices are shown and taken back', onStage(async ({ page, server }) => {
+  server.client.send({ t: 'notice', kind: 'device_lost', detail: 'Frames pause for a moment.' });
+  await until('lost', async () => /graphics device failed; restoring it/.test(await cardText(page)));
+  server.client.send({ t: 'notice', kind: 'restored', detail: '' });
+  await until('restored', async () => (await cardText(page)) === '');
+  server.client.send({ t: 'notice', kind: 'draining', detail: 'Back in a minute.' });
+  await until('draining', async () => /about to restart.*Back in a minute/.test(await cardText(page)));
+}));
+
+test('a page opened while the server is away from the start finds it later', onStage(
+  async ({ page, server }) => {
+    await page.getByText('The render server is away').waitFor();
+    assert.match(await page.locator('#away').innerText(), /Starting: scenes are being loaded/);
+    server.problem = undefined;
+    await hasSettled(page);
+    await page.getByText('The render server is away').waitFor({ state: 'hidden' });
+  },
+  {
+    ...away,
+    settled: false,
+    prepare: (server) => {
+      server.problem = { type: 'about:blank', title: 'Starting', status: 503, code: 'starting', detail: 'scenes are being loaded' };
+    },
+  },
+));

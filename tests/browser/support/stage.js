@@ -1,0 +1,68 @@
+/**
+ * A page on a fake server, for one test.
+ */
+
+import { after, before } from 'node:test';
+import { FakeServer } from './fake-server.js';
+import { launch, until } from './browser.js';
+
+/** @type {import('playwright-core').Browser} */
+let browser;
+
+/** Starts the browser of a file of tests, and ends it. */
+export function withBrowser() {
+  before(async () => {
+    browser = await launch();
+  });
+  after(() => browser?.close());
+}
+
+/**
+ * Opens the page, runs a test, and holds the page to having logged no error.
+ * @param {(stage: { page: import('playwright-core').Page, server: FakeServer, context: import('playwright-core').BrowserContext }) => Promise<void>} run
+ * @param {object} [options]
+ * @param {import('playwright-core').BrowserContextOptions} [options.context]
+ * @param {string} [options.path]
+ * @param {boolean} [options.settled] wait until the picture has settled
+ * @param {(server: FakeServer) => void} [options.prepare]
+ * @param {RegExp} [options.allow] console errors that belong to the test
+ */
+export function onStage(run, { context: wishes = {}, path = '/', settled = true, prepare, allow } = {}) {
+  return async () => {
+    const server = await new FakeServer().start();
+    prepare?.(server);
+    const context = await browser.newContext({ viewport: { width: 1000, height: 700 }, reducedMotion: 'reduce', ...wishes });
+    const page = await context.newPage();
+    const errors = [];
+    page.on('console', (message) => message.type() === 'error' && errors.push(message.text()));
+    page.on('pageerror', (error) => errors.push(error.message));
+    try {
+      await page.goto(server.address + path);
+      if (settled) await hasSettled(page);
+      await run({ page, server, context });
+      const unexpected = errors.filter((text) => !allow?.test(text));
+      if (unexpected.length > 0) throw new Error(`the page logged: ${unexpected.join('; ')}`);
+    } finally {
+      await context.close();
+      await server.kill();
+    }
+  };
+}
+
+/** Waits until the page says that the picture has settled. */
+export const hasSettled = (page) => page.locator('#hud[data-state=settled]').waitFor({ timeout: 15_000 });
+
+/** What the status card says; empty while it is hidden. */
+export const cardText = (page) =>
+  page.evaluate(() => {
+    const card = document.querySelector('surfelcast-view').shadowRoot.querySelector('.card');
+    return card.hidden ? '' : card.textContent.replace(/\s+/g, ' ').trim();
+  });
+
+/** Centre of the picture, in CSS pixels of the page. */
+export async function centre(page) {
+  const box = await page.locator('surfelcast-view').boundingBox();
+  return { x: box.x + box.width / 2, y: box.y + box.height / 2, box };
+}
+
+export { until };

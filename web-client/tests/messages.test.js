@@ -1,0 +1,73 @@
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import { CLIENT_TYPES, MessageError, parseServerMessage, SERVER_TYPES, SUBPROTOCOL, VERSION } from '../src/protocol/messages.js';
+import { close, verdictOf } from '../src/protocol/close.js';
+import { json, rust } from './support/fixtures.js';
+
+const tags = (file) =>
+  [...rust(file).split('pub enum')[1].matchAll(/#\[serde\(rename = "([^"]+)"\)\]/g)].map(([, tag]) => tag).sort();
+
+test('every golden server message is understood', () => {
+  const golden = json('server_messages.json');
+  assert.ok(golden.length > 0);
+  for (const message of golden) {
+    const parsed = parseServerMessage(JSON.stringify(message));
+    assert.equal(parsed?.t, message.t);
+  }
+});
+
+test('both sides know the same messages', () => {
+  assert.deepEqual([...SERVER_TYPES].sort(), tags('server.rs'));
+  assert.deepEqual([...CLIENT_TYPES].sort(), tags('client.rs'));
+});
+
+test('subprotocol and version are those of the Rust side', () => {
+  const source = rust('lib.rs');
+  assert.ok(source.includes(`"${SUBPROTOCOL}"`));
+  assert.match(source, new RegExp(`VERSION: u32 = ${VERSION};`));
+});
+
+test('what a newer server adds is ignored', () => {
+  assert.equal(parseServerMessage('{"t":"presence","who":[]}'), undefined);
+  assert.equal(parseServerMessage('{"t":"toString"}'), undefined);
+  assert.equal(parseServerMessage('{"t":"ok","re":1,"later":true}')?.t, 'ok');
+});
+
+test('malformed messages are refused by name of the field', () => {
+  const cases = [
+    ['{', /not JSON/],
+    ['null', /no type/],
+    ['[]', /no type/],
+    ['{"t":5}', /no type/],
+    ['{"t":"ping"}', /ping\.ts is not a finite number/],
+    ['{"t":"ping","ts":1e999}', /ping\.ts is not a finite number/],
+    ['{"t":"picked","position":[1,2]}', /picked\.position has 2 entries, expected 3/],
+    ['{"t":"lights","lights":[{"id":1}]}', /lights\.lights\[0\]\.name is not a string/],
+    ['{"t":"lights","lights":{}}', /lights\.lights is not a list/],
+    ['{"t":"welcome","v":1,"conn":"c","session":[]}', /welcome\.session is not an object/],
+  ];
+  for (const [text, reason] of cases) {
+    assert.throws(() => parseServerMessage(text), (error) => error instanceof MessageError && reason.test(error.message), text);
+  }
+});
+
+test('a light without `enabled` is on', () => {
+  const light = { id: 1, name: '', kind: 'point', position: [0, 0, 0], direction: [0, -1, 0], color: [1, 1, 1], intensity: 1 };
+  const text = JSON.stringify({ t: 'lights', scene_rev: 1, lights: [light, { ...light, enabled: false }], environment_strength: 1, emissive_strength: 1, has_environment: false });
+  assert.deepEqual(parseServerMessage(text).lights.map(({ enabled }) => enabled), [true, false]);
+});
+
+test('close codes are those of the Rust side, and each has words', () => {
+  const theirs = Object.fromEntries([...rust('close.rs').matchAll(/pub const (\w+): u16 = (\d+);/g)].map(([, name, code]) => [name, Number(code)]));
+  assert.deepEqual({ ...close }, theirs);
+  for (const code of Object.values(close)) {
+    const { title, detail } = verdictOf(code);
+    assert.ok(title.length > 0 && detail.length > 0, String(code));
+  }
+});
+
+test('only what waiting can mend is tried again', () => {
+  const retried = Object.entries(close).filter(([, code]) => verdictOf(code).retry).map(([name]) => name);
+  assert.deepEqual(retried.sort(), ['GOING_AWAY', 'GPU_LOST', 'NO_CAPACITY', 'RATE', 'RESTART', 'TOO_SLOW', 'TRY_LATER']);
+  assert.ok(verdictOf(1006).retry, 'a broken wire');
+});

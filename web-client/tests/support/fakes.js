@@ -1,0 +1,81 @@
+/**
+ * A clock and a wire that stand still until a test moves them.
+ */
+
+/** Timers and animation frames that run when time is advanced. */
+export class FakeClock {
+  time = 0;
+  chance = 0.5;
+  #timers = new Map();
+  #nextId = 1;
+
+  now = () => this.time;
+  random = () => this.chance;
+  setTimeout = (run, ms) => this.#add(run, this.time + ms);
+  clearTimeout = (id) => void this.#timers.delete(id);
+  /** Display of 60 Hz. */
+  requestFrame = (run) => this.#add(run, (Math.floor(this.time / 16) + 1) * 16);
+  cancelFrame = (id) => void this.#timers.delete(id);
+
+  /** Timers and frames that wait. */
+  get waiting() {
+    return this.#timers.size;
+  }
+
+  advance(ms) {
+    const end = this.time + ms;
+    for (;;) {
+      const due = [...this.#timers].filter(([, { at }]) => at <= end).sort(([, a], [, b]) => a.at - b.at)[0];
+      if (!due) break;
+      this.#timers.delete(due[0]);
+      this.time = Math.max(this.time, due[1].at);
+      due[1].run();
+    }
+    this.time = end;
+  }
+
+  #add(run, at) {
+    const id = this.#nextId++;
+    this.#timers.set(id, { run, at });
+    return id;
+  }
+}
+
+/** Opens wires that a test speaks through. */
+export class FakeWire {
+  /** @type {{ url: string, subprotocol: string, handlers: any, sent: any[], closed: boolean }[]} */
+  opened = [];
+
+  open = (url, subprotocol, handlers) => {
+    const socket = { url, subprotocol, handlers, sent: [], closed: false };
+    this.opened.push(socket);
+    return {
+      send: (text) => socket.sent.push(JSON.parse(text)),
+      close: () => {
+        socket.closed = true;
+      },
+    };
+  };
+
+  get last() {
+    return this.opened.at(-1);
+  }
+}
+
+export const welcome = (token = 'token-1') => ({
+  t: 'welcome',
+  v: 1,
+  conn: 'c1',
+  session: { id: 's', scene: 'sha256:00', scene_name: 'Box', scene_rev: 1, epoch: 0, triangle_count: 12 },
+  limits: { inputs_per_sec: 240, max_side: 4096, max_pixels: 8_300_000, max_lights: 256 },
+  techniques: [{ id: 'path', label: 'Path tracing', summary: 'Reference.' }],
+  cameras: [],
+  center: [0, 0, 0],
+  radius: 1,
+  warnings: [],
+  server_ms: 0,
+  resume_token: token,
+  grace_ms: 120_000,
+  server: 'surfelcast/0.1.0',
+  device: 'test',
+});
