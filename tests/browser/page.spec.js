@@ -93,12 +93,12 @@ test('a frame that cannot be decoded is told, and the next one heals it', onStag
 test('a browser without what is needed is told what is missing', onStage(
   async ({ page, server }) => {
     await page.addInitScript(() => delete window.createImageBitmap);
-    const before = server.messages.length;
+    const before = server.heard('hello').length;
     await page.reload();
     const view = page.locator('surfelcast-view');
     await view.getByText('This browser cannot show the view', { exact: true }).waitFor();
     assert.match(await view.locator('.words').innerText(), /createImageBitmap/);
-    assert.equal(server.messages.length, before);
+    assert.equal(server.heard('hello').length, before);
   },
 ));
 

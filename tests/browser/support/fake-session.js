@@ -21,6 +21,8 @@ export class FakeSession {
   /** Rounds of refinement left: still, refined, final. */
   refinements = 0;
   timer = undefined;
+  /** When the view counts as being at rest, or the next refinement is due. */
+  restAt = 0;
 
   /**
    * @param {import('ws').WebSocket} socket
@@ -86,25 +88,35 @@ export class FakeSession {
   touch() {
     this.dirty = true;
     this.refinements = 3;
-    clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.pump(true), STILL_AFTER_MS);
+    this.restAt = performance.now() + STILL_AFTER_MS;
+    this.wakeAtRest();
     this.pump();
   }
 
-  pump(quiet = false) {
+  wakeAtRest() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.pump(), Math.ceil(this.restAt - performance.now()) + 1);
+  }
+
+  /** Sends what is due, if the window is open; an acknowledgement calls again. */
+  pump() {
     if (this.paused || this.size[0] === 0 || this.frameSeq - this.acked >= WINDOW || this.server.silent) return;
     if (this.dirty) {
       this.dirty = false;
       this.sendFrame(0, 2);
       return;
     }
-    if (!quiet || this.refinements === 0) return;
+    if (this.refinements === 0) return;
+    if (performance.now() < this.restAt) {
+      this.wakeAtRest();
+      return;
+    }
     this.refinements -= 1;
     const last = this.refinements === 0;
     this.sendFrame(FLAGS.STILL | (last ? FLAGS.FINAL | FLAGS.LOSSLESS : 0), last ? 1 : 2);
     this.send(this.server.stats(last));
-    clearTimeout(this.timer);
-    if (!last) this.timer = setTimeout(() => this.pump(true), STILL_AFTER_MS);
+    this.restAt = performance.now() + STILL_AFTER_MS;
+    if (!last) this.wakeAtRest();
   }
 
   sendFrame(flags, divisor) {
