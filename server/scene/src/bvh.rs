@@ -21,8 +21,14 @@ use split::Split;
 
 mod split;
 
-/// Levels of one hierarchy at most. A traversal keeps at most one stack entry a level, so 32 entries always do.
-pub const MAX_DEPTH: u32 = 16;
+/// Levels of a bottom-level hierarchy at most.
+pub const MAX_BOTTOM_DEPTH: u32 = 16;
+
+/// Levels of the top-level hierarchy at most.
+pub const MAX_TOP_DEPTH: u32 = 8;
+
+/// Entries that a traversal stack shared by both levels needs at most: less than one a level.
+pub const MAX_STACK_DEPTH: u32 = MAX_BOTTOM_DEPTH + MAX_TOP_DEPTH;
 
 /// A hierarchy over primitives.
 #[derive(Debug, Default)]
@@ -46,7 +52,7 @@ pub(crate) fn build_triangles(corners: &[[Vec3; 3]]) -> Hierarchy {
     let mut boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
     let mut owner: Vec<u32> = (0..triangles.len() as u32).collect();
     split_large(&mut boxes, &mut owner, &triangles);
-    let mut hierarchy = build_boxes(&boxes, scale);
+    let mut hierarchy = build_boxes(&boxes, scale, MAX_BOTTOM_DEPTH);
     for slot in &mut hierarchy.order {
         *slot = owner[*slot as usize];
     }
@@ -58,7 +64,7 @@ pub(crate) fn build_bounds(bounds: &[crate::Bounds]) -> Hierarchy {
     let scale = unit_scale(bounds.iter().flat_map(|b| [b.min, b.max]));
     let boxes: Vec<Aabb> =
         bounds.iter().map(|b| Aabb::new((b.min * scale).into(), (b.max * scale).into())).collect();
-    build_boxes(&boxes, scale)
+    build_boxes(&boxes, scale, MAX_TOP_DEPTH)
 }
 
 /// The power of two that brings the largest coordinate to about 1.
@@ -80,16 +86,24 @@ fn split_large(boxes: &mut Vec<Aabb>, owner: &mut Vec<u32>, triangles: &[Triangl
     }
 }
 
-/// Builds over scaled boxes and returns nodes in unscaled coordinates.
-fn build_boxes(boxes: &[Aabb], scale: f32) -> Hierarchy {
+/// Builds over scaled boxes and returns nodes in unscaled coordinates. Trees that come out too deep are built again, first
+/// without the optimiser, then by halves.
+fn build_boxes(boxes: &[Aabb], scale: f32, max_depth: u32) -> Hierarchy {
     if boxes.is_empty() {
         return Hierarchy::default();
     }
-    let mut bvh2 = split::build(boxes, Split::SurfaceArea);
-    optimise(&mut bvh2);
-    let mut wide = bvh2_to_cwbvh(&bvh2, 3, true, true);
-    if wide_depth(&wide.nodes) > MAX_DEPTH {
-        wide = bvh2_to_cwbvh(&split::build(boxes, Split::Median), 3, true, true);
+    let build = |split, is_optimised: bool| {
+        let mut bvh2 = split::build(boxes, split);
+        if is_optimised {
+            optimise(&mut bvh2);
+        }
+        bvh2_to_cwbvh(&bvh2, 3, true, true)
+    };
+    let mut wide = build(Split::SurfaceArea, true);
+    for split in [Split::SurfaceArea, Split::Median] {
+        if wide_depth(&wide.nodes) > max_depth {
+            wide = build(split, false);
+        }
     }
     let depth = wide_depth(&wide.nodes);
     let mut nodes = wide.nodes;
@@ -212,7 +226,7 @@ mod tests {
         let one = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let corners = vec![one; 50_000];
         let hierarchy = build_triangles(&corners);
-        assert!(hierarchy.depth <= MAX_DEPTH, "depth {}", hierarchy.depth);
+        assert!(hierarchy.depth <= MAX_BOTTOM_DEPTH, "depth {}", hierarchy.depth);
         assert_eq!(assert_conservative(&hierarchy, &corners), corners.len());
     }
 
@@ -225,7 +239,7 @@ mod tests {
             })
             .collect();
         let hierarchy = build_triangles(&corners);
-        assert!(hierarchy.depth <= MAX_DEPTH, "depth {}", hierarchy.depth);
+        assert!(hierarchy.depth <= MAX_BOTTOM_DEPTH, "depth {}", hierarchy.depth);
         assert_conservative(&hierarchy, &corners);
     }
 

@@ -113,7 +113,7 @@ pub struct SceneGeometry {
     /// Which of the instances is the baked one; `None` where nothing is baked.
     pub baked_instance: Option<u32>,
     /// Entries a traversal stack needs at most: levels of the top level plus those of the deepest bottom level (one
-    /// entry a level, as in Ylitie et al.). At most `2 *` [`crate::bvh::MAX_DEPTH`].
+    /// entry a level, as in Ylitie et al.). At most [`crate::bvh::MAX_STACK_DEPTH`].
     pub stack_depth: u32,
 }
 

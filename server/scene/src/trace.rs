@@ -150,8 +150,7 @@ fn traverse(
     limit: &mut f32,
     mut leaf: impl FnMut(u32, &mut f32) -> bool,
 ) -> bool {
-    // one entry a level at most; see bvh::MAX_DEPTH
-    let mut stack = [(0u32, 0u32); crate::bvh::MAX_DEPTH as usize + 1];
+    let mut stack = [(0u32, 0u32); crate::bvh::MAX_BOTTOM_DEPTH as usize];
     let mut stacked = 0;
     // (first child, bits of children still to visit | inner mask); starts as if the root were the only child
     let mut group = (root, 0x8000_0000u32);

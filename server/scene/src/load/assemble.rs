@@ -291,8 +291,7 @@ fn world_bounds(uses: &[Use<'_>], statics: &BTreeMap<usize, Vec<PrimitiveData>>)
 /// A hierarchy to be built: the triangles of the scene that belong to it.
 struct Group {
     triangles: Vec<u32>,
-    node: u32,
-    /// Scene from object; `None` for the baked group.
+    /// Scene from object (recentred) and the index of the node's name.
     placements: Vec<(DMat4, u32)>,
     center: DVec3,
 }
@@ -369,7 +368,7 @@ impl<'a> Emit<'a> {
                         })?;
                         triangles.extend(range);
                     }
-                    let group = Group { triangles, node, placements: Vec::new(), center };
+                    let group = Group { triangles, placements: Vec::new(), center };
                     self.instanced.insert(instance.mesh, group);
                 }
                 if let Some(group) = self.instanced.get_mut(&instance.mesh) {
@@ -452,7 +451,6 @@ impl<'a> Emit<'a> {
         if !self.baked.is_empty() {
             groups.push(Group {
                 triangles: std::mem::take(&mut self.baked),
-                node: 0,
                 placements: vec![(DMat4::IDENTITY, 0)],
                 center: DVec3::ZERO,
             });
@@ -483,7 +481,7 @@ impl<'a> Emit<'a> {
         let mut placed: Vec<(Instance, Bounds, bool)> = Vec::new();
         let mut bottom_depth = 0;
         for (k, (group, (hierarchy, bounds))) in groups.iter().zip(&built).enumerate() {
-            within("levels of the hierarchy", u64::from(hierarchy.depth), u64::from(bvh::MAX_DEPTH))?;
+            within("levels of a hierarchy", u64::from(hierarchy.depth), u64::from(bvh::MAX_BOTTOM_DEPTH))?;
             bottom_depth = bottom_depth.max(hierarchy.depth);
             let root_node = self.append_nodes(hierarchy, self.geometry.bvh_triangles.len());
             for &slot in &hierarchy.order {
@@ -497,7 +495,7 @@ impl<'a> Emit<'a> {
             }
         }
         let top = bvh::build_bounds(&placed.iter().map(|(_, bounds, _)| *bounds).collect::<Vec<_>>());
-        within("levels of the top hierarchy", u64::from(top.depth), u64::from(bvh::MAX_DEPTH))?;
+        within("levels of the top hierarchy", u64::from(top.depth), u64::from(bvh::MAX_TOP_DEPTH))?;
         self.geometry.top_root = self.append_nodes(&top, 0);
         self.geometry.instances = top.order.iter().map(|&slot| placed[slot as usize].0).collect();
         self.geometry.baked_instance = top.order.iter().position(|&slot| placed[slot as usize].2).map(|k| k as u32);
