@@ -45,8 +45,8 @@ check: deps-tests ## Format, lints, documentation and types; runs no test
 	cd web-client && npm run check
 
 .PHONY: bench
-bench: deps ## Rays per second against a CPU traversal of the same hierarchy
-	$(CARGO) bench --locked --package surfelcast-tests
+bench: deps ## Rays per second against a CPU traversal of the same hierarchy, written into BENCHMARKS.md
+	SURFELCAST_BENCH_DOCUMENT=$(CURDIR)/BENCHMARKS.md $(CARGO) bench --locked --package surfelcast-tests --bench rays
 
 .PHONY: bench-accuracy
 bench-accuracy: build ## Error of every reference camera, written into BENCHMARKS.md

@@ -1,0 +1,241 @@
+//! Rays per second on the GPU and by the plain CPU traversal, over the same hierarchy and the same rays.
+//!
+//! The ratio says how much of the machine the kernel uses where the GPU is a software one; on a real GPU it says what the
+//! GPU is worth. `SURFELCAST_BENCH_DOCUMENT` names a document whose table `rays` is replaced.
+#![allow(clippy::print_stdout, reason = "a benchmark talks to its terminal")]
+
+use std::cell::RefCell;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, ensure};
+use criterion::{Criterion, Throughput};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use surfelcast_gpu::{Buffer, Gpu, GpuOptions, Kernel, MemoryKind};
+use surfelcast_scene::trace::closest_hit;
+use surfelcast_scene::{LoadOptions, Scene, SceneGeometry, load_file};
+use surfelcast_shaders::{Feature, Features};
+use surfelcast_techniques::SceneBuffers;
+use surfelcast_tests::accuracy::{replace_between_markers, shared_folder};
+
+/// Pixels of the picture whose camera rays are traced: whole tiles of 8 by 8.
+const SIZE: [u32; 2] = [1280, 720];
+const KERNEL: &str = include_str!("trace_rays.wesl");
+const NO_HIT: u32 = u32::MAX;
+
+/// Origin and largest distance, direction.
+type Ray = [Vec4; 2];
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct TraceRaysUniforms {
+    ray_count: u32,
+    top_root: u32,
+    padding0: u32,
+    padding1: u32,
+}
+
+/// Everything to trace batches on the GPU.
+struct Tracer {
+    gpu: Gpu,
+    kernel: Kernel,
+    scene: SceneBuffers,
+    top_root: u32,
+    rays: Buffer,
+    hits: Buffer,
+    count: u32,
+}
+
+impl Tracer {
+    fn new(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Result<Self> {
+        let has_instances = scene.summary.has_instances;
+        let features = if has_instances { Features::NONE.with(Feature::Instances) } else { Features::NONE };
+        let first_root = scene.geometry.instances.first().map_or(0, |instance| instance.root_node);
+        let buffer = gpu.buffer("rays", MemoryKind::Scene, size_of_val(rays) as u64)?;
+        gpu.upload(&buffer, 0, bytemuck::cast_slice(rays))?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            kernel: gpu.kernel_from_source("trace_rays", KERNEL, features)?,
+            scene: SceneBuffers::new(gpu, scene)?,
+            top_root: if has_instances { scene.geometry.top_root } else { first_root },
+            rays: buffer,
+            hits: gpu.buffer("hits", MemoryKind::Scene, 8 * rays.len() as u64)?,
+            count: rays.len() as u32,
+        })
+    }
+
+    /// Traces all rays once; returns the time of the pass and, if asked for, distance and triangle of each ray.
+    fn trace(&self, reads_hits: bool) -> Result<(Duration, Vec<[u32; 2]>)> {
+        let uniforms = TraceRaysUniforms { ray_count: self.count, top_root: self.top_root, padding0: 0, padding1: 0 };
+        let mut graph = self.gpu.graph("rays");
+        self.scene
+            .bind(graph.pass(&self.kernel))
+            .uniform("batch", bytemuck::bytes_of(&uniforms))
+            .read("rays", &self.rays)
+            .read_write("hits", &self.hits)
+            .dispatch([self.count.div_ceil(64), 1, 1])?;
+        let ticket = reads_hits.then(|| graph.read_back(&self.hits, 0..8 * u64::from(self.count))).transpose()?;
+        let mut report = graph.submit()?.wait()?;
+        let time = Duration::from_secs_f64(report.gpu_ms() / 1000.0);
+        let hits = ticket.map(|ticket| report.take(ticket)).transpose()?;
+        Ok((time, hits.map(|bytes| bytemuck::pod_collect_to_vec(&bytes)).unwrap_or_default()))
+    }
+}
+
+/// Traces all rays once on every core.
+fn trace_on_cpu(geometry: &SceneGeometry, rays: &[Ray]) -> Vec<Option<(f32, u32)>> {
+    rays.par_iter()
+        .with_min_len(256)
+        .map(|[start, direction]| {
+            let hit = closest_hit(geometry, start.truncate(), direction.truncate(), 0.0, start.w)?;
+            Some((hit.t, hit.bvh_triangle))
+        })
+        .collect()
+}
+
+/// Rays through pixel centres, in tiles of 8 by 8 so that neighbours in the batch are neighbours in the picture.
+fn camera_rays(scene: &Scene) -> Vec<Ray> {
+    let camera = scene.cameras[0].camera;
+    let (right, up, forward) = camera.frame();
+    let origin = (camera.position - scene.origin).as_vec3();
+    let half_height = (camera.vfov * 0.5).tan();
+    let half_width = half_height * f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    let mut rays = Vec::with_capacity((SIZE[0] * SIZE[1]) as usize);
+    for tile_y in 0..SIZE[1] / 8 {
+        for tile_x in 0..SIZE[0] / 8 {
+            for pixel in 0..64 {
+                let x = (f64::from(tile_x * 8 + pixel % 8) + 0.5) / f64::from(SIZE[0]) * 2.0 - 1.0;
+                let y = 1.0 - (f64::from(tile_y * 8 + pixel / 8) + 0.5) / f64::from(SIZE[1]) * 2.0;
+                let direction = (forward + right * (x * half_width) + up * (y * half_height)).as_vec3();
+                rays.push([origin.extend(f32::MAX), direction.normalize_or(Vec3::Z).extend(0.0)]);
+            }
+        }
+    }
+    rays
+}
+
+/// One cosine-distributed ray from each hit of the camera rays.
+fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<(f32, u32)>]) -> Vec<Ray> {
+    let geometry = &scene.geometry;
+    let radius = scene.bounds.radius();
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move || {
+        // SplitMix64 (Steele, Lea and Flood 2014).
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+    };
+    let mut found = Vec::new();
+    for ([start, direction], hit) in rays.iter().zip(hits) {
+        let Some((t, triangle)) = hit else { continue };
+        let triangle = &geometry.bvh_triangles[*triangle as usize];
+        let [v0, v1, v2] = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
+        let (origin, direction) = (start.truncate(), direction.truncate());
+        let normal = (v1 - v0).cross(v2 - v0).normalize_or(-direction);
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let (radius_squared, angle) = (random(), random() * std::f32::consts::TAU);
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let wi = tangent * (radius_squared.sqrt() * angle.cos())
+            + bitangent * (radius_squared.sqrt() * angle.sin())
+            + normal * (1.0 - radius_squared).sqrt();
+        found.push([(origin + direction * *t + normal * (1e-5 * radius)).extend(f32::MAX), wi.extend(0.0)]);
+    }
+    found
+}
+
+/// Both sides must agree, or the race is not the same race. Ties at shared edges may fall either way.
+fn check_agreement(cpu: &[Option<(f32, u32)>], gpu: &[[u32; 2]]) -> Result<()> {
+    let differs = |(cpu, gpu): (&Option<(f32, u32)>, &[u32; 2])| match cpu {
+        None => gpu[1] != NO_HIT,
+        Some((t, _)) => gpu[1] == NO_HIT || (f32::from_bits(gpu[0]) - t).abs() > 1e-3 * t.abs(),
+    };
+    let count = cpu.iter().zip(gpu).filter(|pair| differs(*pair)).count();
+    ensure!(count * 10_000 <= cpu.len(), "{count} of {} rays hit something else on the GPU", cpu.len());
+    Ok(())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Runs one benchmark and returns million rays per second, the median over its batches.
+fn race(criterion: &mut Criterion, name: &str, count: usize, mut once: impl FnMut() -> Duration) -> f64 {
+    let seconds = RefCell::new(Vec::new());
+    let mut group = criterion.benchmark_group("rays");
+    group.throughput(Throughput::Elements(count as u64));
+    group.bench_function(name, |bencher| {
+        bencher.iter_custom(|iterations| {
+            (0..iterations)
+                .map(|_| {
+                    let time = once();
+                    seconds.borrow_mut().push(time.as_secs_f64());
+                    time
+                })
+                .sum()
+        });
+    });
+    group.finish();
+    count as f64 / median(seconds.into_inner()) / 1e6
+}
+
+fn run_scene(criterion: &mut Criterion, gpu: &Gpu, name: &str, scene: &Scene) -> Result<String> {
+    let camera = camera_rays(scene);
+    let camera_hits = trace_on_cpu(&scene.geometry, &camera);
+    // Second rays start on baked geometry, whose triangles are in scene space.
+    ensure!(!scene.summary.has_instances, "{name} has instances; the benchmark wants baked geometry");
+    let cosine = cosine_rays(scene, &camera, &camera_hits);
+    ensure!(!cosine.is_empty(), "the first camera of {name} sees nothing");
+    let mut rows = String::new();
+    for (kind, rays) in [("camera", camera), ("cosine", cosine)] {
+        let tracer = Tracer::new(gpu, scene, &rays)?;
+        check_agreement(&trace_on_cpu(&scene.geometry, &rays), &tracer.trace(true)?.1)?;
+        let on_gpu = race(criterion, &format!("{name}/{kind}/gpu"), rays.len(), || match tracer.trace(false) {
+            Ok((time, _)) => time,
+            // A lost device ends the benchmark; there is nobody to hand the error to inside criterion.
+            Err(error) => panic!("{error}"),
+        });
+        let on_cpu = race(criterion, &format!("{name}/{kind}/cpu"), rays.len(), || {
+            let start = Instant::now();
+            std::hint::black_box(trace_on_cpu(&scene.geometry, &rays));
+            start.elapsed()
+        });
+        rows += &format!(
+            "| {name} | {kind} | {} | {on_gpu:.2} | {on_cpu:.2} | {:.2} |\n",
+            scene.geometry.bvh_triangles.len(),
+            on_gpu / on_cpu
+        );
+    }
+    Ok(rows)
+}
+
+fn main() -> Result<()> {
+    let gpu = Gpu::open(&GpuOptions::default())?;
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_secs(1))
+        .measurement_time(Duration::from_secs(4))
+        .configure_from_args();
+    let shared = shared_folder().context(
+        "no scenes: set SURFELCAST_SHARED to a folder with scenes/, or put it beside the repository as shared/",
+    )?;
+    let mut table = format!(
+        "{} ({}), {} threads\n\n| scene | rays | triangles | GPU, Mrays/s | CPU, Mrays/s | ratio |\n|---|---|---|---|---|---|\n",
+        gpu.info().name,
+        gpu.info().driver,
+        rayon::current_num_threads()
+    );
+    for name in ["cornell_glossy", "terrain", "sponza"] {
+        let scene = load_file(&shared.join(format!("scenes/{name}.glb")), &LoadOptions::default())?;
+        table += &run_scene(&mut criterion, &gpu, name, &scene)?;
+    }
+    criterion.final_summary();
+    println!("\n{table}");
+    if let Some(document) = std::env::var_os("SURFELCAST_BENCH_DOCUMENT") {
+        let text = std::fs::read_to_string(&document)?;
+        std::fs::write(&document, replace_between_markers(&text, "rays", &table)?)?;
+    }
+    Ok(())
+}
