@@ -44,3 +44,20 @@ test('every module stays small enough to read', () => {
     assert.ok(text.split('\n').length <= 500, `${layer}/${name}`);
   }
 });
+
+test('the page preloads exactly the modules it uses', () => {
+  const used = new Set();
+  const visit = (path) => {
+    if (used.has(path)) return;
+    used.add(path);
+    const text = readFileSync(ROOT + path, 'utf8');
+    for (const [, relative] of text.matchAll(/^import (?:.* from )?'([^']+)';$/gm)) {
+      visit(new URL(relative, `file:///${path}`).pathname.slice(1));
+    }
+  };
+  visit('src/page/main.js');
+  used.delete('src/page/main.js');
+  const html = readFileSync(`${ROOT}index.html`, 'utf8');
+  const preloaded = [...html.matchAll(/rel="modulepreload" href="\/assets\/([^"]+)"/g)].map(([, path]) => path);
+  assert.deepEqual(preloaded.sort(), [...used].sort());
+});

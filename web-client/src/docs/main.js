@@ -92,17 +92,20 @@ function describeOperation({ id, method, path, operation, parameters }) {
       'tr',
       {},
       h('th', { scope: 'row' }, h('code', { className: `status s${status[0]}` }, status)),
-      h('td', {}, response['description'] ?? '', ...headers(response['headers'])),
+      h('td', {}, response['description'] || (status.startsWith('2') ? 'Done' : ''), ...headers(response['headers'])),
       h('td', {}, h('ul', { className: 'bodies' }, ...bodies(response['content']))),
     ),
   );
-  section.append(h('h3', {}, 'Answers'), table(['Status', 'When', 'Body'], rows));
+  section.append(h('h3', {}, 'Answers'), h('div', { className: 'answers' }, table(['Status', 'When', 'Body'], rows)));
   return section;
 }
 
 /** @param {Record<string, Json> | undefined} content */
 const bodies = (content) =>
-  Object.entries(content ?? {}).map(([type, { schema }]) => h('li', {}, h('code', {}, type), ' ', schema ? typeOf(schema) : ''));
+  Object.entries(content ?? {}).map(([type, { schema }]) =>
+    // A file is described as a list of numbers, which is true and of no help.
+    h('li', {}, h('code', {}, type), ' ', !schema ? '' : /json|text|form/.test(type) ? typeOf(schema) : 'bytes'),
+  );
 
 /** @param {Record<string, Json> | undefined} named */
 const headers = (named) =>

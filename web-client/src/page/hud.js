@@ -16,6 +16,7 @@ export class Hud {
   /** @type {import('../protocol/messages.js').Stats | undefined} */
   #stats;
   #moving = false;
+  #live = false;
   #frameAt = 0;
   /** @type {number | undefined} */
   #timer;
@@ -56,6 +57,12 @@ export class Hud {
     this.#schedule(INTERVAL_MS);
   }
 
+  /** @param {boolean} live whether the server is there */
+  live(live) {
+    this.#live = live;
+    this.#schedule(0);
+  }
+
   /** Nothing is known any more. */
   clear() {
     this.#frame = undefined;
@@ -76,7 +83,7 @@ export class Hud {
     if (!this.#frame) return;
     const measured = this.view.measure();
     const settled = !this.#moving && (this.#stats?.converged ?? (this.#frame.flags & flags.FINAL) !== 0);
-    this.element.dataset['state'] = this.#moving ? 'moving' : settled ? 'settled' : 'refining';
+    this.element.dataset['state'] = !this.#live ? 'away' : this.#moving ? 'moving' : settled ? 'settled' : 'refining';
     this.progress.textContent = this.#progressText(settled);
     const [width, height] = this.#frame.fullSize;
     const parts = [`${width} × ${height}`];
@@ -89,6 +96,7 @@ export class Hud {
 
   /** @param {boolean} settled */
   #progressText(settled) {
+    if (!this.#live) return 'Last picture';
     if (this.#moving) return 'Moving';
     const samples = `${count(Math.max(this.#stats?.samples ?? 0, this.#frame?.samples ?? 0))} samples`;
     const error = this.#stats?.error ? auditedError(this.#stats.error) : samples;

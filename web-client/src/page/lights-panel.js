@@ -37,7 +37,7 @@ export class LightsPanel {
     const adder = (kind, text) => h('button', { type: 'button', textContent: text, 'aria-label': `Add ${text.toLowerCase()} light`, onclick: () => this.#add(kind) });
     this.adders = [adder('point', 'Point'), adder('spot', 'Spot'), adder('directional', 'Sun')];
     this.environment = this.#strength('Environment', 'environment_strength');
-    this.emissive = this.#strength('Emissive surfaces', 'emissive_strength');
+    this.emissive = this.#strength('Emission', 'emissive_strength');
     host.append(
       this.list,
       this.none,

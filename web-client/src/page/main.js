@@ -71,6 +71,7 @@ on('pose', (/** @type {{ resting: boolean }} */ { resting }) => hud.moving(!rest
 on('refused', (/** @type {import('../protocol/messages.js').Refusal} */ refusal) => toasts.show(refusal.detail, 'error'));
 on('state', (/** @type {import('../connection/connection.js').ConnectionState} */ state) => {
   document.body.dataset['connection'] = state.kind;
+  hud.live(state.kind === 'live');
   for (const fields of document.querySelectorAll('fieldset.needs-server')) {
     /** @type {HTMLFieldSetElement} */ (fields).disabled = state.kind !== 'live';
   }
