@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use surfelcast_gpu::GpuError;
 use surfelcast_scene::{Camera, Scene};
+use surfelcast_techniques::TechniqueError;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, SessionKey, ViewKey};
@@ -48,7 +50,7 @@ pub enum RendererError {
         /// The limit.
         limit: u64,
     },
-    /// Not possible with this device, technique or scene.
+    /// Not possible with this device, technique or scene, or a fault of the device that is not a loss.
     #[error("{0}")]
     Unsupported(String),
     /// The device was lost during the work, which may be sent again.
@@ -192,5 +194,25 @@ impl RendererHandle {
         let (reply, answer) = oneshot::channel();
         self.send(make(reply)).await?;
         answer.await.map_err(|_| RendererError::Stopped)?
+    }
+}
+
+impl From<GpuError> for RendererError {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::OutOfMemory { needed, free, .. } => Self::NoMemory { needed, free },
+            GpuError::TooLarge { field, needed, limit } => Self::SceneTooLarge { field, needed, limit },
+            error if error.is_device_lost() => Self::DeviceLost,
+            error => Self::Unsupported(error.to_string()),
+        }
+    }
+}
+
+impl From<TechniqueError> for RendererError {
+    fn from(error: TechniqueError) -> Self {
+        match error {
+            TechniqueError::Gpu(error) => error.into(),
+            error @ TechniqueError::Unsupported { .. } => Self::Unsupported(error.to_string()),
+        }
     }
 }

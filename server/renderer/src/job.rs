@@ -18,15 +18,7 @@ pub struct StopRules {
     pub time_limit: Option<Duration>,
 }
 
-/// How surfaces scatter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum MaterialMode {
-    /// glTF metallic-roughness with its extensions.
-    #[default]
-    Pbr,
-    /// Two-sided Lambertian of the base colour.
-    Lambert,
-}
+pub use surfelcast_techniques::MaterialMode;
 
 /// Extra output instead of radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -3,15 +3,25 @@
 //! The actor runs on its own named thread and owns the GPU. Everything else talks to it through [`RendererHandle`], whose
 //! command channel is bounded, and reads frames from newest-wins [`FrameSlot`]s.
 
+mod actor;
 pub mod command;
+pub mod config;
 pub mod handle;
 pub mod job;
 pub mod lights;
+mod pace;
+mod running_job;
+mod running_view;
+mod scenes;
 pub mod slot;
 pub mod status;
 pub mod view;
 
+pub use surfelcast_scene as scene;
+
+pub use actor::start;
 pub use command::{Command, CommandReceiver, SessionKey, ViewKey};
+pub use config::RendererConfig;
 pub use handle::{RendererError, RendererHandle};
 pub use job::{
     Aov, ErrorEstimate, JobProgress, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules,

@@ -1,0 +1,292 @@
+//! A batch render at work: steps of the technique until a stop rule holds, then the output.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_techniques::passes::{features, first_surface};
+use surfelcast_techniques::path::merge_passes;
+use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::{Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, registry};
+
+use crate::handle::RendererError;
+use crate::job::{Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass};
+use crate::pace::Pace;
+use crate::scenes::SceneStore;
+
+/// First sample count at which the error is audited for `max_error`.
+const FIRST_AUDIT: u32 = 16;
+/// Factor between audits: the error falls with the root, so a picture overshoots its goal by at most 10 %.
+const AUDIT_GROWTH: f64 = 1.25;
+/// Samples a pixel after which a job without another rule ends.
+const MAX_SAMPLES: u32 = 1 << 20;
+/// Largest batch; smaller under a time limit, which may cut a batch short and leave it uneven.
+const MAX_BATCH: u32 = 64;
+const MAX_BATCH_TIMED: u32 = 4;
+
+/// Whether a job goes on.
+pub(crate) enum JobState {
+    /// Call again.
+    Running,
+    /// Finished.
+    Done(Box<RenderOutput>),
+}
+
+/// One job with its device state.
+pub(crate) struct RunningJob {
+    job: RenderJob,
+    view: FrameView,
+    scene: Arc<SceneBuffers>,
+    lights: LightBuffers,
+    technique: Box<dyn Technique>,
+    audit: Option<Audit>,
+    next_audit: u32,
+    error: Option<ErrorEstimate>,
+    pace: Pace,
+    started: Instant,
+    setup_secs: f64,
+    rays: RayCounts,
+    non_finite: u64,
+    passes: Vec<surfelcast_gpu::PassTime>,
+}
+
+impl RunningJob {
+    /// Uploads and compiles what the job needs.
+    pub(crate) fn start(gpu: &Gpu, store: &mut SceneStore, job: RenderJob) -> Result<Self, RendererError> {
+        let setup_started = Instant::now();
+        let entry = registry::by_id(&job.technique)
+            .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", job.technique)))?;
+        (entry.needs)(&job.scene.summary).map_err(RendererError::Unsupported)?;
+        let scene = store.get(gpu, &job.scene)?;
+        let state = job.lights.clone().unwrap_or_else(|| LightState::of_scene(&job.scene));
+        let lights = LightBuffers::new(gpu, &job.scene, &state)?;
+        let options = TechniqueOptions {
+            size: job.size,
+            materials: job.materials,
+            is_split: matches!(job.aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance)),
+            seed: job.seed,
+            waits_for_kernels: true,
+        };
+        let technique = (entry.create)(gpu, &scene, &lights, options)?;
+        let audited = technique.features().set(surfelcast_shaders::Feature::Split, false);
+        let audit = (job.aov.is_none()).then(|| Audit::new(gpu, audited, job.size, job.seed)).transpose()?;
+        Ok(Self {
+            view: FrameView { camera: job.camera, size: job.size },
+            scene,
+            lights,
+            technique,
+            audit,
+            next_audit: FIRST_AUDIT,
+            error: None,
+            pace: Pace::default(),
+            started: Instant::now(),
+            setup_secs: setup_started.elapsed().as_secs_f64(),
+            rays: RayCounts::default(),
+            non_finite: 0,
+            passes: Vec::new(),
+            job,
+        })
+    }
+
+    /// The job, to start it again on a new device.
+    pub(crate) fn job(&self) -> &RenderJob {
+        &self.job
+    }
+
+    /// Does the next piece of work.
+    pub(crate) fn step(&mut self, gpu: &Gpu, is_canceled: bool) -> Result<JobState, RendererError> {
+        if let Some(output) = surface_output(self.job.aov) {
+            return self.finish_surface(gpu, output).map(|output| JobState::Done(Box::new(output)));
+        }
+        let stop = self.job.stop;
+        let samples = self.technique.samples();
+        let is_timed_out = stop.time_limit.is_some_and(|limit| self.started.elapsed() >= limit);
+        if is_canceled && samples == 0 {
+            return Err(RendererError::Canceled);
+        }
+        // At least one sample for each pixel is taken, whatever the limit: there is no picture before.
+        let reason = if samples == 0 {
+            None
+        } else if is_canceled {
+            Some("canceled")
+        } else if stop.samples.is_some_and(|limit| samples >= limit) || samples >= MAX_SAMPLES {
+            Some("samples")
+        } else if is_timed_out {
+            Some("time_limit")
+        } else if self.meets_error() {
+            Some("max_error")
+        } else {
+            None
+        };
+        if let Some(stopped_by) = reason {
+            return self.finish(gpu, stopped_by).map(|output| JobState::Done(Box::new(output)));
+        }
+
+        let is_auditing = stop.max_error.is_some() && self.audit.is_some();
+        let mut until = stop.samples.unwrap_or(MAX_SAMPLES).min(MAX_SAMPLES);
+        if is_auditing {
+            until = until.min(self.next_audit);
+        }
+        let budget = StepBudget {
+            max_paths: self.pace.step_paths(),
+            until_samples: until,
+            max_batch: if stop.time_limit.is_some() { MAX_BATCH_TIMED } else { MAX_BATCH },
+        };
+        let step_started = Instant::now();
+        let step = self.technique.step(gpu, &self.scene, &self.lights, &self.view, budget)?;
+        self.pace.measure(step.paths, step_started.elapsed());
+        self.count(step.rays, step.non_finite);
+        merge_passes(&mut self.passes, step.passes);
+        if is_auditing && step.is_whole && self.technique.samples() >= self.next_audit {
+            self.run_audit(gpu)?;
+            self.next_audit = (f64::from(self.next_audit) * AUDIT_GROWTH).ceil() as u32;
+        }
+        Ok(JobState::Running)
+    }
+
+    /// Progress towards the nearest stop rule.
+    pub(crate) fn progress(&self) -> JobProgress {
+        let stop = self.job.stop;
+        let samples = self.technique.samples();
+        let by_samples = stop.samples.map_or(0.0, |limit| samples as f32 / limit.max(1) as f32);
+        let elapsed = self.started.elapsed().as_secs_f32();
+        let by_time = stop.time_limit.map_or(0.0, |limit| elapsed / limit.as_secs_f32().max(1e-3));
+        // The error falls with the root of the samples.
+        let by_error = match (stop.max_error, self.error) {
+            (Some(goal), Some(error)) => (goal / error.rmse_tonemapped.max(1e-9)).powi(2),
+            _ => 0.0,
+        };
+        JobProgress {
+            is_running: true,
+            samples,
+            fraction: by_samples.max(by_time).max(by_error).clamp(0.0, 1.0),
+            error: self.error,
+        }
+    }
+
+    fn meets_error(&self) -> bool {
+        match (self.job.stop.max_error, self.error) {
+            (Some(goal), Some(error)) => error.rmse_tonemapped + error.std_error <= goal,
+            _ => false,
+        }
+    }
+
+    fn count(&mut self, rays: [u64; 3], non_finite: u64) {
+        self.rays.primary += rays[0];
+        self.rays.secondary += rays[1];
+        self.rays.shadow += rays[2];
+        self.non_finite += non_finite;
+    }
+
+    fn run_audit(&mut self, gpu: &Gpu) -> Result<(), RendererError> {
+        let Some(audit) = &mut self.audit else { return Ok(()) };
+        let picture = self.technique.picture();
+        let samples = self.technique.samples();
+        let found = audit.run(gpu, &self.scene, &self.lights, &self.view, picture, samples, self.job.exposure)?;
+        self.count(found.rays, found.non_finite);
+        merge_passes(&mut self.passes, found.passes);
+        self.error = Some(ErrorEstimate {
+            rmse_tonemapped: found.rmse_tonemapped as f32,
+            rel_mse: found.rel_mse as f32,
+            std_error: found.std_error as f32,
+        });
+        Ok(())
+    }
+
+    fn finish(&mut self, gpu: &Gpu, stopped_by: &'static str) -> Result<RenderOutput, RendererError> {
+        if self.audit.is_some() {
+            self.run_audit(gpu)?;
+        }
+        let samples = self.technique.samples();
+        let picture = read_vec4(gpu, self.technique.picture())?;
+        let rgb = |v: &[f32; 4]| [v[0], v[1], v[2]];
+        let pixels = match (self.job.aov, self.technique.split()) {
+            (Some(Aov::Direct), Some((direct, _))) => read_vec4(gpu, direct)?.iter().map(rgb).collect(),
+            (Some(Aov::Irradiance), Some((_, irradiance))) => read_vec4(gpu, irradiance)?.iter().map(rgb).collect(),
+            (Some(Aov::Indirect), Some((direct, _))) => {
+                let direct = read_vec4(gpu, direct)?;
+                picture.iter().zip(&direct).map(|(all, direct)| [0, 1, 2].map(|i| all[i] - direct[i])).collect()
+            }
+            (Some(Aov::SampleCount), _) => vec![[samples as f32; 3]; picture.len()],
+            (Some(Aov::Variance), _) => {
+                // Variance of the mean: squared deviations over n (n - 1).
+                let n = f64::from(samples);
+                let scale = if samples > 1 { 1.0 / (n * (n - 1.0)) } else { 0.0 };
+                picture.iter().map(|v| [(f64::from(v[3]) * scale) as f32; 3]).collect()
+            }
+            _ => picture.iter().map(rgb).collect(),
+        };
+        Ok(self.output(gpu, pixels, samples, stopped_by))
+    }
+
+    fn finish_surface(&mut self, gpu: &Gpu, output: FirstSurfaceOutput) -> Result<RenderOutput, RendererError> {
+        let (pixels, passes) =
+            first_surface::first_surface(gpu, &self.scene, &self.lights, &self.view, self.job.materials, output)?;
+        self.rays.primary += pixels.len() as u64;
+        merge_passes(&mut self.passes, passes);
+        Ok(self.output(gpu, pixels, 1, "samples"))
+    }
+
+    fn output(&self, gpu: &Gpu, pixels: Vec<[f32; 3]>, samples: u32, stopped_by: &'static str) -> RenderOutput {
+        let memory = gpu.memory();
+        RenderOutput {
+            pixels,
+            size: self.job.size,
+            samples,
+            error: self.error,
+            rays: self.rays,
+            render_secs: self.started.elapsed().as_secs_f64(),
+            setup_secs: self.setup_secs,
+            passes: pass_times(&self.passes),
+            skipped: skipped_passes(self.technique.features(), self.audit.is_none()),
+            non_finite: self.non_finite,
+            memory_bytes: vec![
+                ("scene".to_owned(), memory.scene_bytes),
+                ("view".to_owned(), memory.view_bytes),
+                ("staging".to_owned(), memory.staging_bytes),
+            ],
+            stopped_by,
+        }
+    }
+}
+
+/// The first-surface output behind an AOV, where there is one.
+fn surface_output(aov: Option<Aov>) -> Option<FirstSurfaceOutput> {
+    match aov? {
+        Aov::Albedo => Some(FirstSurfaceOutput::Albedo),
+        Aov::Normal => Some(FirstSurfaceOutput::Normal),
+        Aov::Depth => Some(FirstSurfaceOutput::Depth),
+        Aov::Position => Some(FirstSurfaceOutput::Position),
+        Aov::InstanceId => Some(FirstSurfaceOutput::Instance),
+        Aov::Direct | Aov::Indirect | Aov::Irradiance | Aov::SampleCount | Aov::Variance => None,
+    }
+}
+
+pub(crate) fn pass_times(passes: &[surfelcast_gpu::PassTime]) -> Vec<PassTime> {
+    passes
+        .iter()
+        .map(|pass| PassTime { name: pass.name.clone(), gpu_ms: pass.gpu_ms, dispatches: pass.dispatches })
+        .collect()
+}
+
+pub(crate) fn skipped_passes(in_use: Features, is_unaudited: bool) -> Vec<SkippedPass> {
+    let mut skipped: Vec<SkippedPass> = features::skipped_parts(in_use)
+        .into_iter()
+        .map(|(name, reason)| SkippedPass { name: name.to_owned(), reason: reason.to_owned() })
+        .collect();
+    if is_unaudited {
+        let reason = "the output is not radiance".to_owned();
+        skipped.push(SkippedPass { name: "error_audit".to_owned(), reason });
+    }
+    skipped
+}
+
+fn read_vec4(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<[f32; 4]>, RendererError> {
+    debug_assert_eq!(buffer.kind(), MemoryKind::View);
+    let mut graph = gpu.graph("read_back");
+    let ticket = graph.read_back(buffer, 0..buffer.size_bytes())?;
+    let mut report = graph.submit()?.wait()?;
+    Ok(bytemuck::pod_collect_to_vec(&report.take(ticket)?))
+}
