@@ -17,6 +17,7 @@ pub mod layout;
 mod link;
 pub mod records;
 mod reflect;
+pub mod twin;
 
 pub use catalogue::{KernelInfo, Module, kernels, modules};
 pub use features::{Feature, Features};

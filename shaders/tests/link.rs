@@ -155,7 +155,10 @@ fn every_kernel_is_valid_in_every_checked_variant() {
             let result = link(&kernel.name, features).and_then(|linked| {
                 if checked.insert(linked.hash) {
                     validate(&linked, features, capabilities())?;
-                    let differences = layout::differences(&[layout::structs(), surfelcast_shaders::records::structs()].concat(), &linked.reflection);
+                    let differences = layout::differences(
+                        &[layout::structs(), surfelcast_shaders::records::structs()].concat(),
+                        &linked.reflection,
+                    );
                     if !differences.is_empty() {
                         failures.push(format!("{} [{features}]: {}", kernel.name, differences.join("; ")));
                     }

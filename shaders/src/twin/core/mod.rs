@@ -1,0 +1,5 @@
+//! Twins of `lib/core`.
+
+pub mod math;
+pub mod rng;
+pub mod sampling;
