@@ -1,2 +1,47 @@
-//! The binary.
-fn main() {}
+//! The program `surfelcast`: serve, render, doctor. Reads the command line, wires the rooms together, maps outcomes to exit
+//! codes: 0 done, 1 runtime failure, 2 bad usage or bad input.
+
+mod cli;
+mod doctor;
+mod failure;
+mod progress;
+mod render;
+mod scene_file;
+mod serve;
+mod stats;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    init_log(cli.verbose);
+    let outcome = match cli.command {
+        Command::Serve(args) => serve::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Doctor => doctor::run(),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            failure.exit_code()
+        }
+    }
+}
+
+/// Logs go to stderr: warnings by default, more with `-v` or by `RUST_LOG`.
+fn init_log(verbose: u8) {
+    let level = match verbose {
+        0 => "warn,surfelcast=warn",
+        1 => "info",
+        _ => "debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        tracing_subscriber::EnvFilter::new(format!("{level},wgpu_hal=error,wgpu_core=error,naga=error"))
+    });
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}

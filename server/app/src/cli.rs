@@ -1,0 +1,187 @@
+//! The command line.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Headless render server with global illumination.
+#[derive(Debug, Parser)]
+#[command(name = "surfelcast", version, about, propagate_version = true)]
+pub(crate) struct Cli {
+    /// Say more (twice: debug).
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub(crate) verbose: u8,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Serve scenes to browsers and pictures over HTTP.
+    Serve(ServeArgs),
+    /// Render one picture of a scene file.
+    Render(Box<RenderArgs>),
+    /// List adapters and limits, and say what is missing and how to get it.
+    Doctor,
+}
+
+/// Device choice, shared by the commands that render.
+#[derive(Debug, Args)]
+pub(crate) struct DeviceArgs {
+    /// GPU adapter by index or part of its name (see `surfelcast doctor`); the best one by default.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) adapter: Option<String>,
+    /// Device memory to use at most, MiB.
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..))]
+    pub(crate) gpu_memory: Option<u64>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// Address to listen on; port 0 picks a free one.
+    #[arg(long, default_value = "127.0.0.1:8080")]
+    pub(crate) bind: SocketAddr,
+    /// Folder for uploaded scenes and compiled pipelines.
+    #[arg(long, default_value = "data")]
+    pub(crate) data: PathBuf,
+    /// Scene file to serve; may be given several times. Without it, the built-in demo scenes.
+    #[arg(long = "scene", value_name = "FILE")]
+    pub(crate) scenes: Vec<PathBuf>,
+    /// Host name under which the server is reached, beside localhost and IP addresses; may be given several times.
+    #[arg(long = "host", value_name = "NAME")]
+    pub(crate) hosts: Vec<String>,
+    /// Origin of pages that may connect, beside the server's own; may be given several times.
+    #[arg(long = "allow-origin", value_name = "ORIGIN")]
+    pub(crate) origins: Vec<String>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+}
+
+/// How surfaces scatter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Materials {
+    /// glTF metallic-roughness.
+    Pbr,
+    /// Two-sided Lambertian of the base colour.
+    Lambert,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// Scene file, .glb or .gltf, or a built-in one: `demo:cornell_box`, `demo:interior`.
+    pub(crate) scene: PathBuf,
+    /// Picture to write; the ending chooses the format: png, jpg, webp or exr (linear, unexposed).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// View file with cameras, environment, exposure and pose; by default the .json beside the scene.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) view: Option<PathBuf>,
+    /// Camera by name; the first by default.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) camera: Option<String>,
+    /// Picture size; by default the camera's own, else 1280x720.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Environment image, .hdr or .exr, equirectangular; replaces the view file's environment.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) environment: Option<PathBuf>,
+    /// Technique.
+    #[arg(long, default_value = "path", value_parser = technique_ids())]
+    pub(crate) technique: String,
+    /// Samples a pixel.
+    #[arg(long, alias = "frames", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub(crate) spp: Option<u32>,
+    /// Stop at this tone-mapped RMSE, as audited; in (0, 1].
+    #[arg(long, value_name = "RMSE", value_parser = parse_error)]
+    pub(crate) max_error: Option<f32>,
+    /// Stop after this many seconds of rendering.
+    #[arg(long, value_name = "SECS", value_parser = parse_secs)]
+    pub(crate) time_limit: Option<f64>,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Materials.
+    #[arg(long, value_enum, default_value_t = Materials::Pbr)]
+    pub(crate) materials: Materials,
+    /// Exposure (linear factor) of display formats and of the error metric; by default the view file's, else 1.
+    #[arg(long, value_parser = parse_exposure)]
+    pub(crate) exposure: Option<f32>,
+    /// Write this instead of radiance.
+    #[arg(long, value_name = "NAME", value_parser = aov_names())]
+    pub(crate) aov: Option<String>,
+    /// Write statistics here as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) stats: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+}
+
+fn technique_ids() -> clap::builder::PossibleValuesParser {
+    surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
+}
+
+fn aov_names() -> clap::builder::PossibleValuesParser {
+    surfelcast_renderer::Aov::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
+}
+
+/// Largest side of a picture, pixels.
+const MAX_SIDE: u32 = 16_384;
+/// Most pixels of a picture.
+const MAX_PIXELS: u64 = 64_000_000;
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
+    let side = |text: &str| text.trim().parse::<u32>().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let (Some(width), Some(height)) = (side(width), side(height)) else {
+        return Err(format!("width and height are whole numbers from 1 to {MAX_SIDE}"));
+    };
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(format!("{width}x{height} has over {MAX_PIXELS} pixels"));
+    }
+    Ok([width, height])
+}
+
+fn parse_error(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|e: &f32| *e > 0.0 && *e <= 1.0).ok_or_else(|| "expected a number in (0, 1]".to_owned())
+}
+
+fn parse_secs(text: &str) -> Result<f64, String> {
+    let secs = text.parse().ok().filter(|s: &f64| *s > 0.0 && *s <= 86_400.0);
+    secs.ok_or_else(|| "expected seconds in (0, 86400]".to_owned())
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    let exposure = text.parse().ok().filter(|e: &f32| (1e-6..=1e6).contains(e));
+    exposure.ok_or_else(|| "expected a number in [1e-6, 1e6]".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_checked() {
+        assert_eq!(parse_size("320x180"), Ok([320, 180]));
+        for bad in ["320", "0x1", "x", "99999x1", "16384x16384", "-1x5"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn numbers_outside_their_range_are_refused() {
+        for bad in ["0", "-1", "nan", "inf", "1.5"] {
+            assert!(parse_error(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "nan", "inf", "1e9"] {
+            assert!(parse_secs(bad).is_err() && parse_exposure(bad).is_err(), "{bad}");
+        }
+    }
+}
