@@ -210,10 +210,11 @@ fn white_materials_reflect_no_more_than_they_get_and_smooth_ones_all() {
         for (metallic, roughness) in materials() {
             let lobes = white(metallic, roughness, cos_o);
             let albedo = integrate(1200, |wi| f64::from(evaluate_metallic_roughness(&lobes, wo, wi).value.y));
-            // The formula of glTF itself gives a white plastic up to 1 % too much: what the coat reflects is taken from
-            // the diffuse light by the half vector, not by the coat's albedo.
-            let limit = if metallic == 1.0 { 1.003 } else { 1.012 };
-            assert!(albedo <= limit, "{metallic} {roughness} {cos_o}: {albedo}");
+            // The formula of glTF is not bounded by one where both lobes are white: it takes from the diffuse light what
+            // the microfacet between the directions reflects, not what the coat reflects in all, which at grazing angles
+            // is more. It can exceed one by no more than the coat's own reflectance.
+            let gain = if metallic == 1.0 { 0.003 } else { f64::from(fresnel_schlick(lobes.f0, cos_o).x) };
+            assert!(albedo <= 1.0 + gain, "{metallic} {roughness} {cos_o}: {albedo}");
         }
         // A mirror-like white metal loses nothing to single scattering; its lobe is too thin to integrate by grid.
         let mirror = white(1.0, 0.05, cos_o);
