@@ -55,6 +55,7 @@ test('anything else is refused with the field and what was expected', () => {
     [spoil(2, 9), /kind is 9, expected 1/],
     [spoil(3, 3), /codec is 3/],
     [good.slice(0, good.byteLength - 1), /payload_len is \d+ but/],
+    [Uint8Array.from([...new Uint8Array(good), 0]).buffer, /payload_len is \d+ but/],
     [spoil(47, 255), /payload_len is \d+ but/],
   ];
   for (const [message, reason] of cases) {
