@@ -87,15 +87,14 @@ impl Measurement {
 impl Renderer {
     /// The program that `SURFELCAST_BIN` names, else the one that cargo built beside the running test or command.
     pub fn find(technique: &str) -> Result<Self> {
-        let program = match std::env::var_os("SURFELCAST_BIN") {
-            Some(path) => PathBuf::from(path),
-            None => {
-                let exe = std::env::current_exe()?;
-                let folder = exe.parent().context("a program lies in a folder")?;
-                // Tests lie one folder deeper than programs.
-                let folder = if folder.ends_with("deps") { folder.parent().unwrap_or(folder) } else { folder };
-                folder.join(format!("surfelcast{}", std::env::consts::EXE_SUFFIX))
-            }
+        let program = if let Some(path) = std::env::var_os("SURFELCAST_BIN") {
+            PathBuf::from(path)
+        } else {
+            let exe = std::env::current_exe()?;
+            let folder = exe.parent().context("a program lies in a folder")?;
+            // Tests lie one folder deeper than programs.
+            let folder = if folder.ends_with("deps") { folder.parent().unwrap_or(folder) } else { folder };
+            folder.join(format!("surfelcast{}", std::env::consts::EXE_SUFFIX))
         };
         ensure!(
             program.is_file(),
@@ -143,19 +142,19 @@ impl Renderer {
 
         let [truth, first, second] = [truth, first, second].map(|picture| picture.without(&reference.masked));
         let exposure = reference.exposure;
-        let mse = (first.tone_mapped_mse(&truth, exposure) + second.tone_mapped_mse(&truth, exposure)) / 2.0;
+        let mse = f64::midpoint(first.tone_mapped_mse(&truth, exposure), second.tone_mapped_mse(&truth, exposure));
         let audited = |stats: &Value| stats["error_estimate"]["rmse_tonemapped"].as_f64().unwrap_or(0.0).powi(2);
         let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
 
         // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
         let reference_variance = reference.noise_rmse_linear.powi(2) / truth.pixels.len() as f64;
-        let difference = (first.mean() + second.mean()) / 2.0 - truth.mean();
+        let difference = f64::midpoint(first.mean(), second.mean()) - truth.mean();
         let error = (first.variance_of_mean(&second) + reference_variance).sqrt();
         Ok(Point {
             samples,
             rmse: mse.sqrt(),
             own_noise: (first.tone_mapped_mse(&second, exposure) / 2.0).sqrt(),
-            audited_rmse: ((audited(&first_stats) + audited(&second_stats)) / 2.0).sqrt(),
+            audited_rmse: f64::midpoint(audited(&first_stats), audited(&second_stats)).sqrt(),
             bias: difference / truth.mean().max(1e-30),
             bias_in_errors: if error > 0.0 { difference / error } else { 0.0 },
             analytic_error,
@@ -172,13 +171,18 @@ fn analytic_error(colors: &[[f64; 3]], truth: &Picture, first: &Picture, second:
     for color in colors {
         let belongs =
             |pixel: &[f64; 3]| pixel.iter().zip(color).all(|(value, color)| (value - color).abs() <= 0.02 * color);
-        let indices: Vec<_> =
-            truth.pixels.iter().enumerate().filter(|(_, pixel)| belongs(pixel)).map(|(index, _)| index).collect();
-        for channel in 0..3 {
-            let sum: f64 = indices.iter().map(|&i| (first.pixels[i][channel] + second.pixels[i][channel]) / 2.0).sum();
-            if !indices.is_empty() {
-                largest = largest.max((sum / indices.len() as f64 / color[channel] - 1.0).abs());
+        let mut count = 0;
+        let mut sum = [0.0; 3];
+        for ((_, first), second) in
+            truth.pixels.iter().zip(&first.pixels).zip(&second.pixels).filter(|((truth, _), _)| belongs(truth))
+        {
+            count += 1;
+            for (sum, (first, second)) in sum.iter_mut().zip(first.iter().zip(second)) {
+                *sum += f64::midpoint(*first, *second);
             }
+        }
+        for (sum, color) in sum.iter().zip(color).filter(|_| count > 0) {
+            largest = largest.max((sum / f64::from(count) / color - 1.0).abs());
         }
     }
     largest
