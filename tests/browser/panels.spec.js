@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { onStage, until, withBrowser } from './support/stage.js';
+import { hasSettled, onStage, until, withBrowser } from './support/stage.js';
 
 withBrowser();
 
@@ -98,6 +98,14 @@ test('import warnings are there to be read', onStage(async ({ page }) => {
 test('scenes can be switched', onStage(async ({ page, server }) => {
   await page.getByLabel('Scene', { exact: true }).selectOption({ label: 'Interior' });
   await until('a new stream', () => server.heard('hello').length === 2);
+  await until('its title', async () => (await page.title()) === 'Interior · surfelcast');
+  const hello = server.heard('hello').at(-1);
+  assert.equal('resume' in hello, false, 'the token belongs to the other session');
+  // A scene without cameras of its own is framed as a whole.
+  const { pose } = await until('its camera', () => server.messages.slice(server.messages.indexOf(hello)).find(({ t }) => t === 'camera'));
+  assert.deepEqual(pose.target, [0, 1, 0]);
+  assert.ok(pose.eye[2] > 3 && pose.eye[0] > 1);
+  await hasSettled(page);
 }));
 
 const glb = { name: 'room.glb', mimeType: 'model/gltf-binary', buffer: Buffer.from('glTF') };

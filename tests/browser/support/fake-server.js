@@ -58,7 +58,7 @@ export class FakeServer {
         return;
       }
       sockets.handleUpgrade(request, socket, head, (ws) => {
-        this.client = new FakeSession(ws, this);
+        this.client = new FakeSession(ws, this, (request.url ?? '').includes('/other/'));
       });
     });
     await new Promise((resolve, reject) => {
@@ -82,7 +82,8 @@ export class FakeServer {
     return this.messages.filter(({ t }) => t === type);
   }
 
-  welcome() {
+  /** @param {boolean} other whether for the second scene */
+  welcome(other) {
     this.conn += 1;
     /** @param {any[]} eye */
     const pose = (eye) => ({ eye, target: [0, 1, 0], up: [0, 1, 0], vfov_deg: 40 });
@@ -90,13 +91,15 @@ export class FakeServer {
       t: 'welcome',
       v: 1,
       conn: `c${this.conn}`,
-      session: { id: this.session, scene: SCENE, scene_name: 'Cornell box', scene_rev: 1, epoch: 0, triangle_count: 34 },
+      session: other
+        ? { id: 'other', scene: OTHER, scene_name: 'Interior', scene_rev: 1, epoch: 0, triangle_count: 120_000 }
+        : { id: this.session, scene: SCENE, scene_name: 'Cornell box', scene_rev: 1, epoch: 0, triangle_count: 34 },
       limits: LIMITS,
       techniques: [
         { id: 'path', label: 'Path tracing', summary: 'Unbiased reference with multiple importance sampling.' },
         { id: 'surfel', label: 'Surfels', summary: 'Persistent cache of indirect light.' },
       ],
-      cameras: [
+      cameras: other ? [] : [
         { name: 'front', pose: pose([0, 1, 3.5]), exposure: 1 },
         { name: 'corner', pose: pose([2, 1.6, 2.6]), exposure: 1 },
       ],

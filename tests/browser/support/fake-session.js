@@ -27,8 +27,10 @@ export class FakeSession {
   /**
    * @param {import('ws').WebSocket} socket
    * @param {import('./fake-server.js').FakeServer} server
+   * @param {boolean} other whether of the second scene
    */
-  constructor(socket, server) {
+  constructor(socket, server, other) {
+    this.other = other;
     this.socket = socket;
     this.server = server;
     socket.on('message', (data) => this.hear(JSON.parse(String(data))));
@@ -47,7 +49,7 @@ export class FakeSession {
           this.socket.close(this.server.closeWith, 'as the test wishes');
           return;
         }
-        this.send(this.server.welcome());
+        this.send(this.server.welcome(this.other));
         this.sendLights();
         break;
       case 'view.set':

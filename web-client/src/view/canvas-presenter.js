@@ -8,6 +8,8 @@
 export class CanvasPresenter {
   /** @type {Picture | undefined} */
   #next;
+  /** @type {number | undefined} */
+  #request;
   #context;
 
   /**
@@ -28,14 +30,20 @@ export class CanvasPresenter {
     if (this.#next) {
       this.#next.bitmap.close();
       this.dropped();
-      this.#next = picture;
-      return;
     }
     this.#next = picture;
-    requestAnimationFrame(() => this.#draw());
+    this.#request ??= requestAnimationFrame(() => this.#draw());
+  }
+
+  /** Blackens the canvas; what it showed belongs to another scene. */
+  clear() {
+    this.#next?.bitmap.close();
+    this.#next = undefined;
+    this.#context?.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
   #draw() {
+    this.#request = undefined;
     const picture = this.#next;
     this.#next = undefined;
     if (!picture) return;

@@ -296,6 +296,7 @@ export class SurfelcastView extends HTMLElement {
     this.card.setNote(undefined);
     if (welcome.session.scene !== this.#scene) {
       this.#scene = welcome.session.scene;
+      this.presenter.clear();
       this.card.setHasPicture(false);
       this.rig.enterScene(welcome);
       this.#wishes.exposure = welcome.cameras[0]?.exposure ?? 1;
