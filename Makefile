@@ -12,6 +12,9 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 ARGS ?=
 CARGO ?= cargo
+SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
+DOCS_CAMERAS ?= main
+DOCS_SPP ?= 512
 
 .PHONY: help
 help: ## Show these commands
@@ -51,6 +54,14 @@ bench: deps ## Rays per second against a CPU traversal of the same hierarchy, wr
 .PHONY: bench-accuracy
 bench-accuracy: build ## Error of every reference camera, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --bin accuracy-table -- BENCHMARKS.md
+
+.PHONY: docs-images
+docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/
+	cd tests/browser && node docs-images.js
+	for camera in $(DOCS_CAMERAS); do \
+		$(SURFELCAST) render demo:interior --camera $$camera --size 960x540 --spp $(DOCS_SPP) --output docs/interior-$$camera.jpg || exit 1; \
+	done
+	$(SURFELCAST) render demo:cornell_box --size 512x512 --spp $(DOCS_SPP) --output docs/cornell-box.jpg
 
 .PHONY: deny
 deny: ## Licences, bans, sources and advisories of all dependencies (needs cargo-deny)

@@ -15,7 +15,12 @@ pub fn markdown(measurements: &[Measurement]) -> String {
     for measurement in measurements {
         let Some(point) = measurement.points.last() else { continue };
         let noise = measurement.reference_noise;
-        let slope = measurement.slope().map_or_else(|| "at floor".to_owned(), |slope| format!("{slope:.2}"));
+        let slope = match measurement.slope() {
+            Some(slope) => format!("{slope:.2}"),
+            // Several sample counts, but the reference is too noisy to see the error fall.
+            None if measurement.points.len() > 1 => "at floor".to_owned(),
+            None => "-".to_owned(),
+        };
         let truth = point.rmse_to_truth(noise);
         // An error far below the reference's noise cannot be read off the difference.
         let audit = if point.audited_rmse > 0.0 && truth > 0.5 * noise {
