@@ -1,0 +1,180 @@
+//! Who may talk to the server: `Host` and `Origin` on every request, and the headers every answer carries.
+//!
+//! A browser attaches no secret here, so the two headers are what keeps a hostile page from driving a server on the
+//! user's own machine: `Host` defeats names rebound to its address, `Origin` defeats cross-site requests, WebSocket
+//! upgrades included (browsers apply no same-origin policy to them).
+
+use std::net::{IpAddr, SocketAddr};
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use crate::config::ServiceConfig;
+use crate::problem::ApiError;
+use crate::state::ServiceState;
+
+/// Refuses foreign hosts and origins, then adds the security headers to whatever is answered.
+pub(crate) async fn guard(State(state): State<ServiceState>, request: Request, next: Next) -> Response {
+    let checked = check(state.config(), state.local_addr(), request.method(), request.headers());
+    let mut response = match checked {
+        Ok(()) => next.run(request).await,
+        Err(error) => error.into_response(),
+    };
+    let headers = response.headers_mut();
+    let mut set = |name: HeaderName, value: HeaderValue| {
+        headers.entry(name).or_insert(value);
+    };
+    set(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    set(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    set(HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin"));
+    set(header::CONTENT_SECURITY_POLICY, state.csp().clone());
+    response
+}
+
+/// The content security policy of every answer.
+pub(crate) fn content_security_policy(config: &ServiceConfig) -> String {
+    let ancestors = config.frame_ancestors.join(" ");
+    format!(
+        "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss:; style-src 'self'; \
+         script-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self' {ancestors}"
+    )
+    .trim_end()
+    .to_owned()
+}
+
+fn check(config: &ServiceConfig, local: SocketAddr, method: &Method, headers: &HeaderMap) -> Result<(), ApiError> {
+    let forbidden = |code, detail: String| Err(ApiError::new(StatusCode::FORBIDDEN, code, detail));
+    let host = match single(headers, &header::HOST)? {
+        Some(host) => host,
+        None => return Err(ApiError::bad_request("Host: the header is missing")),
+    };
+    let Some(name) = host_name(host) else {
+        return Err(ApiError::bad_request("Host: not a host name with an optional port"));
+    };
+    if !is_host_allowed(config, local, name) {
+        let detail = format!("Host: `{name}` is not among the hosts of this server; start it with this name allowed");
+        return forbidden("host_not_allowed", detail);
+    }
+    let is_upgrade = headers.contains_key(header::UPGRADE) && *method == Method::GET;
+    match single(headers, &header::ORIGIN)? {
+        Some(origin) if is_origin_allowed(config, origin, host) => Ok(()),
+        Some(_) => {
+            let detail = "Origin: pages of this origin may not use this server; start it with the origin allowed";
+            forbidden("origin_not_allowed", detail.into())
+        }
+        None if is_upgrade && !local.ip().is_loopback() && !config.allow_missing_origin => {
+            let detail = "Origin: missing; this server is reachable from the network and accepts WebSocket upgrades \
+                          without Origin only when started so";
+            forbidden("origin_missing", detail.into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// The value of a header that may stand only once.
+fn single<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, ApiError> {
+    let mut values = headers.get_all(name).iter();
+    let first = values.next();
+    if values.next().is_some() {
+        return Err(ApiError::bad_request(format!("{name}: the header stands more than once")));
+    }
+    first.map(HeaderValue::to_str).transpose().map_err(|_| ApiError::bad_request(format!("{name}: not ASCII")))
+}
+
+/// The name of `name:port` or `[v6]:port`, or `None` where it is neither.
+fn host_name(host: &str) -> Option<&str> {
+    let (name, port) = match host.strip_prefix('[') {
+        Some(rest) => {
+            let (address, rest) = rest.split_once(']')?;
+            (address, if rest.is_empty() { None } else { Some(rest.strip_prefix(':')?) })
+        }
+        None => host.split_once(':').map_or((host, None), |(name, port)| (name, Some(port))),
+    };
+    let is_name_plain = !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b"-._:".contains(&b));
+    let is_port_plain = port.is_none_or(|port| port.parse::<u16>().is_ok());
+    (is_name_plain && is_port_plain).then_some(name)
+}
+
+fn is_host_allowed(config: &ServiceConfig, local: SocketAddr, name: &str) -> bool {
+    if config.hosts.iter().any(|allowed| allowed == "*" || allowed.eq_ignore_ascii_case(name)) {
+        return true;
+    }
+    // A page cannot rebind `localhost` or an IP address, only names it controls.
+    match name.parse::<IpAddr>() {
+        Ok(address) => address.is_loopback() || !local.ip().is_loopback(),
+        Err(_) => name.eq_ignore_ascii_case("localhost"),
+    }
+}
+
+fn is_origin_allowed(config: &ServiceConfig, origin: &str, host: &str) -> bool {
+    let is_listed = config.origins.iter().any(|allowed| allowed.trim_end_matches('/').eq_ignore_ascii_case(origin));
+    // TLS may end at a proxy, so the scheme is not compared; the host and port are.
+    let own = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
+    is_listed || own.is_some_and(|own| own.eq_ignore_ascii_case(host))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn verdict(bind: &str, edit: impl Fn(&mut ServiceConfig), headers: &[(&str, &str)]) -> Result<(), u16> {
+        let mut config = ServiceConfig::new("/nowhere", "test");
+        edit(&mut config);
+        let mut map = HeaderMap::new();
+        for (name, value) in headers {
+            let name = HeaderName::from_bytes(name.as_bytes()).expect("a name");
+            map.append(name, HeaderValue::from_str(value).expect("a value"));
+        }
+        let bind = bind.parse().expect("an address");
+        check(&config, bind, &Method::GET, &map).map_err(|e| e.status().as_u16())
+    }
+
+    const LOOPBACK: &str = "127.0.0.1:8080";
+    const PUBLIC: &str = "0.0.0.0:8080";
+
+    #[test]
+    fn hosts() {
+        let none = |_: &mut ServiceConfig| {};
+        for host in ["localhost:8080", "127.0.0.1:8080", "[::1]:8080", "LOCALHOST", "127.0.0.1"] {
+            assert_eq!(verdict(LOOPBACK, none, &[("host", host)]), Ok(()), "{host}");
+        }
+        for host in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8080", "192.168.1.5:8080"] {
+            assert_eq!(verdict(LOOPBACK, none, &[("host", host)]), Err(403), "{host}");
+        }
+        assert_eq!(verdict(PUBLIC, none, &[("host", "192.168.1.5:8080")]), Ok(()));
+        assert_eq!(verdict(PUBLIC, none, &[("host", "render.example")]), Err(403));
+        let named = |c: &mut ServiceConfig| c.hosts.push("render.example".into());
+        assert_eq!(verdict(PUBLIC, named, &[("host", "Render.Example:443")]), Ok(()));
+        for host in ["", "a b", "a:b", "[::1", "a:99999", "a/b", "a@b"] {
+            assert_eq!(verdict(LOOPBACK, none, &[("host", host)]), Err(400), "{host}");
+        }
+        assert_eq!(verdict(LOOPBACK, none, &[]), Err(400));
+        assert_eq!(verdict(LOOPBACK, none, &[("host", "localhost"), ("host", "localhost")]), Err(400));
+    }
+
+    #[test]
+    fn origins() {
+        let none = |_: &mut ServiceConfig| {};
+        let host = ("host", "localhost:8080");
+        let with = |origin| [host, ("origin", origin)];
+        assert_eq!(verdict(LOOPBACK, none, &with("http://localhost:8080")), Ok(()));
+        for origin in ["http://evil.example", "null", "http://localhost:9090", "http://localhost:8080.evil.example", ""]
+        {
+            assert_eq!(verdict(LOOPBACK, none, &with(origin)), Err(403), "{origin}");
+        }
+        let listed = |c: &mut ServiceConfig| c.origins.push("https://app.example/".into());
+        assert_eq!(verdict(LOOPBACK, listed, &with("https://app.example")), Ok(()));
+        assert_eq!(verdict(LOOPBACK, listed, &with("http://app.example")), Err(403));
+    }
+
+    #[test]
+    fn upgrades_without_origin() {
+        let none = |_: &mut ServiceConfig| {};
+        let headers = [("host", "127.0.0.1:8080"), ("upgrade", "websocket")];
+        assert_eq!(verdict(LOOPBACK, none, &headers), Ok(()));
+        assert_eq!(verdict(PUBLIC, none, &headers), Err(403));
+        assert_eq!(verdict(PUBLIC, |c| c.allow_missing_origin = true, &headers), Ok(()));
+    }
+}

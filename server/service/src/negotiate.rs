@@ -1,0 +1,167 @@
+//! `Accept` and `Prefer`.
+
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+
+use crate::problem::ApiError;
+
+/// What a render can be answered with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) enum Format {
+    Png,
+    Jpeg,
+    Webp,
+    Exr,
+    /// The job resource.
+    Json,
+}
+
+impl Format {
+    pub(crate) const IMAGES: [Self; 4] = [Self::Png, Self::Jpeg, Self::Webp, Self::Exr];
+
+    pub(crate) fn mime(self) -> &'static str {
+        match self {
+            Self::Png => "image/png",
+            Self::Jpeg => "image/jpeg",
+            Self::Webp => "image/webp",
+            Self::Exr => "image/x-exr",
+            Self::Json => "application/json",
+        }
+    }
+
+    /// File extension, which is also the end of the entity tag.
+    pub(crate) fn extension(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Jpeg => "jpg",
+            Self::Webp => "webp",
+            Self::Exr => "exr",
+            Self::Json => "json",
+        }
+    }
+}
+
+/// The available format the client likes best; among equals the first of `available`. 406 where none is acceptable.
+pub(crate) fn choose(headers: &HeaderMap, available: &[Format]) -> Result<Format, ApiError> {
+    let ranges: Vec<&str> = headers
+        .get_all(header::ACCEPT)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .map(str::trim)
+        .filter(|range| !range.is_empty())
+        .collect();
+    let mut best: Option<(Format, u32)> = None;
+    for format in available {
+        let quality = if ranges.is_empty() { 1000 } else { quality_of(&ranges, format.mime()) };
+        if quality > best.map_or(0, |(_, q)| q) {
+            best = Some((*format, quality));
+        }
+    }
+    best.map(|(format, _)| format).ok_or_else(|| {
+        let list: Vec<&str> = available.iter().map(|format| format.mime()).collect();
+        let detail = format!("Accept: none of the accepted types is available here; ask for {}", list.join(", "));
+        ApiError::new(StatusCode::NOT_ACCEPTABLE, "not_acceptable", detail)
+    })
+}
+
+/// Quality (thousandths) of a type: that of the most specific range that covers it (RFC 9110, 12.5.1).
+fn quality_of(ranges: &[&str], mime: &str) -> u32 {
+    let group = mime.split('/').next().unwrap_or_default();
+    let mut best = (0, 0);
+    for range in ranges {
+        let mut parts = range.split(';').map(str::trim);
+        let name = parts.next().unwrap_or_default();
+        let specificity = if name.eq_ignore_ascii_case(mime) {
+            3
+        } else if name.strip_suffix("/*").is_some_and(|prefix| prefix.eq_ignore_ascii_case(group)) {
+            2
+        } else if name == "*/*" {
+            1
+        } else {
+            continue;
+        };
+        let quality = parts
+            .find_map(|part| part.strip_prefix("q=").or_else(|| part.strip_prefix("Q=")))
+            .map_or(Some(1.0), |q| q.parse::<f32>().ok())
+            .filter(|q| (0.0..=1.0).contains(q))
+            .map_or(0, |q| (q * 1000.0).round() as u32);
+        if specificity > best.0 {
+            best = (specificity, quality);
+        }
+    }
+    best.1
+}
+
+/// Seconds of `Prefer: wait=N` (RFC 7240), if stated.
+pub(crate) fn prefer_wait(headers: &HeaderMap) -> Option<u64> {
+    headers
+        .get_all("prefer")
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split([',', ';']))
+        .filter_map(|part| part.trim().split_once('='))
+        .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))
+        .and_then(|(_, secs)| secs.trim().trim_matches('"').parse().ok())
+}
+
+/// Whether `If-None-Match` names this entity tag (weak comparison, as RFC 9110 asks).
+pub(crate) fn is_none_match_hit(headers: &HeaderMap, etag: &str) -> bool {
+    let strip = |tag: &str| tag.trim().trim_start_matches("W/").to_owned();
+    headers
+        .get_all(header::IF_NONE_MATCH)
+        .iter()
+        .filter_map(|value: &HeaderValue| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .any(|tag| tag.trim() == "*" || strip(tag) == strip(etag))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn accept(value: &str) -> Result<Format, u16> {
+        let mut headers = HeaderMap::new();
+        if !value.is_empty() {
+            headers.insert(header::ACCEPT, HeaderValue::from_str(value).expect("a value"));
+        }
+        choose(&headers, &Format::IMAGES).map_err(|e| e.status().as_u16())
+    }
+
+    #[test]
+    fn formats() {
+        assert_eq!(accept(""), Ok(Format::Png));
+        assert_eq!(accept("*/*"), Ok(Format::Png));
+        assert_eq!(accept("image/*"), Ok(Format::Png));
+        assert_eq!(accept("image/webp"), Ok(Format::Webp));
+        assert_eq!(accept("image/avif, image/jpeg;q=0.5, image/webp;q=0.8"), Ok(Format::Webp));
+        assert_eq!(accept("image/png;q=0, image/*;q=0.1"), Ok(Format::Jpeg));
+        assert_eq!(accept("IMAGE/X-EXR"), Ok(Format::Exr));
+        assert_eq!(accept("image/avif"), Err(406));
+        assert_eq!(accept("text/html, image/png;q=0"), Err(406));
+        assert_eq!(accept("image/png;q=abc"), Err(406));
+    }
+
+    #[test]
+    fn preferences() {
+        let wait = |value: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert("prefer", HeaderValue::from_static(value));
+            prefer_wait(&headers)
+        };
+        assert_eq!(wait("wait=20"), Some(20));
+        assert_eq!(wait("respond-async, wait = \"5\""), Some(5));
+        assert_eq!(wait("wait=soon"), None);
+        assert_eq!(wait("respond-async"), None);
+    }
+
+    #[test]
+    fn entity_tags() {
+        let hit = |value: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::IF_NONE_MATCH, HeaderValue::from_static(value));
+            is_none_match_hit(&headers, "\"abc\"")
+        };
+        assert!(hit("\"abc\"") && hit("W/\"abc\"") && hit("\"x\", \"abc\"") && hit("*"));
+        assert!(!hit("\"abcd\"") && !hit("abc"));
+    }
+}

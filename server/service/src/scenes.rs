@@ -1,0 +1,184 @@
+//! HTTP: `/v1/scenes`.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use tokio::io::AsyncWriteExt;
+use utoipa::ToSchema;
+
+use crate::body::{BodyReader, media_type};
+use crate::problem::ApiError;
+use crate::scene_store::{SceneEntry, unknown_scene};
+use crate::state::ServiceState;
+
+/// Media types of uploads.
+const ACCEPTED: [&str; 2] = ["model/gltf-binary", "model/gltf+json"];
+
+/// A scene of this server.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct SceneInfo {
+    /// `sha256:` and 64 hex digits over the content.
+    id: String,
+    /// For people.
+    name: String,
+    /// Triangles, instances not multiplied.
+    triangle_count: u32,
+    /// Session id for `/v1/sessions/{id}/stream`.
+    session: String,
+    /// Camera names for `camera_name`.
+    cameras: Vec<String>,
+    /// What was ignored or repaired at import.
+    warnings: Vec<String>,
+    /// Whether it came with the server's start and cannot be deleted.
+    builtin: bool,
+}
+
+/// All scenes.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct SceneList {
+    /// Built-in ones first; the first is the page's default.
+    scenes: Vec<SceneInfo>,
+}
+
+impl SceneInfo {
+    fn of(entry: &Arc<SceneEntry>) -> Self {
+        let meta = &entry.meta;
+        Self {
+            id: meta.id.clone(),
+            name: meta.name.clone(),
+            triangle_count: meta.triangle_count,
+            session: meta.session_id().to_owned(),
+            cameras: meta.cameras.clone(),
+            warnings: meta.warnings.clone(),
+            builtin: entry.is_builtin(),
+        }
+    }
+}
+
+/// Lists all scenes.
+#[utoipa::path(get, path = "/v1/scenes", tag = "scenes", responses((status = 200, body = SceneList)))]
+pub(crate) async fn list(State(state): State<ServiceState>) -> Json<SceneList> {
+    Json(SceneList { scenes: state.scenes().list().iter().map(SceneInfo::of).collect() })
+}
+
+/// Describes one scene.
+#[utoipa::path(get, path = "/v1/scenes/{id}", tag = "scenes", params(("id" = String, Path, description = "Scene id")),
+    responses((status = 200, body = SceneInfo), (status = 404, description = "No such scene")))]
+pub(crate) async fn get(
+    State(state): State<ServiceState>,
+    Path(id): Path<String>,
+) -> Result<Json<SceneInfo>, ApiError> {
+    let entry = state.scenes().get(&id).ok_or_else(unknown_scene)?;
+    Ok(Json(SceneInfo::of(&entry)))
+}
+
+/// Uploads a scene. The same content always gets the same id.
+#[utoipa::path(post, path = "/v1/scenes", tag = "scenes",
+    params(("name" = Option<String>, Query, description = "Name for people")),
+    request_body(content((Vec<u8> = "model/gltf-binary"), (Vec<u8> = "model/gltf+json"))),
+    responses(
+        (status = 201, body = SceneInfo, description = "Stored"),
+        (status = 200, body = SceneInfo, description = "Was stored already"),
+        (status = 413, description = "Larger than the limit"),
+        (status = 415, description = "Not glTF"),
+        (status = 422, description = "Not a valid or supported scene; the detail names the field"),
+        (status = 507, description = "The store is full")))]
+pub(crate) async fn upload(
+    State(state): State<ServiceState>,
+    uri: Uri,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, ApiError> {
+    if media_type(&headers).is_none_or(|mime| !ACCEPTED.contains(&mime.as_str())) {
+        let detail = format!("Content-Type: must be {}", ACCEPTED.join(" or "));
+        return Err(ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail));
+    }
+    if headers.get(header::CONTENT_ENCODING).is_some_and(|value| value != "identity") {
+        let detail = "Content-Encoding: compressed uploads are not accepted; send the file as it is";
+        return Err(ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail));
+    }
+    if state.draining().is_cancelled() {
+        return Err(draining());
+    }
+    let Ok(_permit) = state.uploads().try_acquire() else {
+        let limit = state.config().bounds.uploads;
+        let detail = format!("{limit} uploads are in progress already; try again later");
+        return Err(ApiError::new(StatusCode::TOO_MANY_REQUESTS, "uploads_busy", detail).retry_after(5));
+    };
+    let config = state.config();
+    let mut reader = BodyReader::new(body, &headers, "body", config.bounds.upload_bytes, config.timeouts)?;
+    // Removed on every path out of here unless the store takes it.
+    let file = tempfile::NamedTempFile::new_in(state.scenes().dir()).map_err(|e| ApiError::internal(&e))?;
+    let handle = file.as_file().try_clone().map_err(|e| ApiError::internal(&e))?;
+    let mut writer = tokio::fs::File::from_std(handle);
+    while let Some(piece) = reader.next().await? {
+        writer.write_all(&piece).await.map_err(|e| ApiError::internal(&e))?;
+    }
+    writer.sync_all().await.map_err(|e| ApiError::internal(&e))?;
+    drop(writer);
+    let name = query_value(&uri, "name").unwrap_or_default();
+    let (entry, is_new) = state.scenes().import(file, &name).await?;
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    let location = format!("/v1/scenes/{}", entry.meta.id);
+    Ok((status, [(header::LOCATION, location)], Json(SceneInfo::of(&entry))).into_response())
+}
+
+/// Deletes an uploaded scene that nobody is looking at.
+#[utoipa::path(delete, path = "/v1/scenes/{id}", tag = "scenes",
+    params(("id" = String, Path, description = "Scene id")),
+    responses((status = 204, description = "Deleted"), (status = 404, description = "No such scene"),
+        (status = 409, description = "In use, or built in")))]
+pub(crate) async fn delete(State(state): State<ServiceState>, Path(id): Path<String>) -> Result<StatusCode, ApiError> {
+    let entry = state.scenes().get(&id).ok_or_else(unknown_scene)?;
+    let session = entry.meta.session_id();
+    if state.sessions().has_members(session) {
+        let detail = "scene: someone is looking at it; close those views first";
+        return Err(ApiError::new(StatusCode::CONFLICT, "scene_in_use", detail));
+    }
+    state.scenes().delete(&id)?;
+    state.sessions().end(&state, session).await;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+pub(crate) fn draining() -> ApiError {
+    let detail = "the server is stopping; it takes no new work";
+    ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "draining", detail).retry_after(10)
+}
+
+/// A value of the query string, percent-decoded.
+fn query_value(uri: &Uri, name: &str) -> Option<String> {
+    let pair = uri.query()?.split('&').find_map(|pair| pair.split_once('=').filter(|(key, _)| *key == name))?;
+    let mut bytes = Vec::with_capacity(pair.1.len());
+    let mut rest = pair.1.bytes();
+    while let Some(byte) = rest.next() {
+        match byte {
+            b'+' => bytes.push(b' '),
+            b'%' => {
+                let digit = |b: Option<u8>| char::from(b?).to_digit(16);
+                bytes.push((digit(rest.next())? * 16 + digit(rest.next())?) as u8);
+            }
+            _ => bytes.push(byte),
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_percent_decoded() {
+        let name = |uri: &'static str| query_value(&Uri::from_static(uri), "name");
+        assert_eq!(name("/v1/scenes?name=a%20b+c").as_deref(), Some("a b c"));
+        assert_eq!(name("/v1/scenes?x=1&name=%C3%A4").as_deref(), Some("\u{e4}"));
+        for bad in ["/v1/scenes", "/v1/scenes?name=%", "/v1/scenes?name=%zz", "/v1/scenes?name=%ff"] {
+            assert_eq!(query_value(&bad.parse().expect("a URI"), "name"), None, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Everything the handlers share.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+use axum::http::HeaderValue;
+use metrics_exporter_prometheus::PrometheusHandle;
+use surfelcast_renderer::scene::Scene;
+use surfelcast_renderer::{DeviceState, RendererHandle, RendererStatus};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::blocking::BlockingPool;
+use crate::config::ServiceConfig;
+use crate::guard::content_security_policy;
+use crate::idempotency::IdempotencyKeys;
+use crate::jobs::Jobs;
+use crate::observe;
+use crate::resume::ResumeTokens;
+use crate::scene_store::SceneStore;
+use crate::sessions::Sessions;
+
+/// Why the service could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The data folder cannot be used.
+    #[error("data folder {path}: {source}; name another with --data or make it writable")]
+    DataDir {
+        /// The folder.
+        path: String,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A configured value cannot be sent in a header.
+    #[error("frame_ancestors: not usable in a content security policy: {0}")]
+    FrameAncestors(String),
+}
+
+/// State of the service; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct ServiceState(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    config: ServiceConfig,
+    csp: HeaderValue,
+    handle: RendererHandle,
+    scenes: SceneStore,
+    sessions: Sessions,
+    resume: ResumeTokens,
+    jobs: Jobs,
+    idempotency: IdempotencyKeys,
+    encoders: BlockingPool,
+    uploads: tokio::sync::Semaphore,
+    draining: CancellationToken,
+    ended: CancellationToken,
+    tasks: TaskTracker,
+    local_addr: OnceLock<SocketAddr>,
+    started: Instant,
+    metrics: PrometheusHandle,
+}
+
+impl ServiceState {
+    /// The state of one service. `scenes` are always there (the first is the one the page opens); uploads of earlier
+    /// runs are found in the data folder. Fails when that folder cannot be used.
+    pub fn new(handle: RendererHandle, scenes: Vec<Arc<Scene>>, config: ServiceConfig) -> Result<Self, ServiceError> {
+        let csp = content_security_policy(&config);
+        let csp = HeaderValue::from_str(&csp).map_err(|_| ServiceError::FrameAncestors(csp))?;
+        let scenes = SceneStore::open(&config, scenes)
+            .map_err(|source| ServiceError::DataDir { path: config.data_dir.display().to_string(), source })?;
+        Ok(Self(Arc::new(Inner {
+            csp,
+            handle,
+            scenes,
+            sessions: Sessions::default(),
+            resume: ResumeTokens::new(config.bounds.resume_tokens, config.timeouts.resume),
+            jobs: Jobs::default(),
+            idempotency: IdempotencyKeys::new(config.bounds.idempotency_keys, config.timeouts.idempotency),
+            encoders: BlockingPool::new("encoding", config.bounds.encoders),
+            uploads: tokio::sync::Semaphore::new(config.bounds.uploads),
+            draining: CancellationToken::new(),
+            ended: CancellationToken::new(),
+            tasks: TaskTracker::new(),
+            local_addr: OnceLock::new(),
+            started: Instant::now(),
+            metrics: observe::recorder(),
+            config,
+        })))
+    }
+
+    pub(crate) fn config(&self) -> &ServiceConfig {
+        &self.0.config
+    }
+
+    pub(crate) fn csp(&self) -> &HeaderValue {
+        &self.0.csp
+    }
+
+    pub(crate) fn handle(&self) -> &RendererHandle {
+        &self.0.handle
+    }
+
+    pub(crate) fn renderer_status(&self) -> RendererStatus {
+        self.0.handle.status().borrow().clone()
+    }
+
+    pub(crate) fn scenes(&self) -> &SceneStore {
+        &self.0.scenes
+    }
+
+    pub(crate) fn sessions(&self) -> &Sessions {
+        &self.0.sessions
+    }
+
+    pub(crate) fn resume(&self) -> &ResumeTokens {
+        &self.0.resume
+    }
+
+    pub(crate) fn jobs(&self) -> &Jobs {
+        &self.0.jobs
+    }
+
+    pub(crate) fn idempotency(&self) -> &IdempotencyKeys {
+        &self.0.idempotency
+    }
+
+    pub(crate) fn encoders(&self) -> &BlockingPool {
+        &self.0.encoders
+    }
+
+    pub(crate) fn uploads(&self) -> &tokio::sync::Semaphore {
+        &self.0.uploads
+    }
+
+    /// Cancelled when shutdown begins.
+    pub(crate) fn draining(&self) -> &CancellationToken {
+        &self.0.draining
+    }
+
+    /// Cancelled when the service is gone and background work has no one left to tell.
+    pub(crate) fn ended(&self) -> &CancellationToken {
+        &self.0.ended
+    }
+
+    /// Connections and jobs in progress; shutdown waits for them.
+    pub(crate) fn tasks(&self) -> &TaskTracker {
+        &self.0.tasks
+    }
+
+    pub(crate) fn metrics(&self) -> &PrometheusHandle {
+        &self.0.metrics
+    }
+
+    pub(crate) fn begin_drain(&self) {
+        self.0.draining.cancel();
+    }
+
+    pub(crate) fn end(&self) {
+        self.0.ended.cancel();
+    }
+
+    /// The address listened on; loopback while not listening.
+    pub(crate) fn local_addr(&self) -> SocketAddr {
+        self.0.local_addr.get().copied().unwrap_or_else(|| (Ipv4Addr::LOCALHOST, 0).into())
+    }
+
+    pub(crate) fn set_local_addr(&self, addr: SocketAddr) {
+        let _ = self.0.local_addr.set(addr);
+    }
+
+    /// Monotonic milliseconds since the service started: the server's clock in messages.
+    pub(crate) fn server_ms(&self) -> f64 {
+        self.0.started.elapsed().as_secs_f64() * 1e3
+    }
+
+    /// The same in microseconds, low 32 bits, for frame headers.
+    pub(crate) fn server_us(&self) -> u32 {
+        self.0.started.elapsed().as_micros() as u32
+    }
+
+    /// Why new work is not accepted, if it is not.
+    pub(crate) fn unready_reason(&self) -> Option<&'static str> {
+        if self.draining().is_cancelled() {
+            return Some("draining");
+        }
+        match self.0.handle.status().borrow().state {
+            DeviceState::Starting => Some("starting"),
+            DeviceState::Lost => Some("device_lost"),
+            DeviceState::Failed => Some("device_failed"),
+            DeviceState::Ready if self.jobs().active_count() >= self.config().bounds.active_renders => {
+                Some("queue_full")
+            }
+            DeviceState::Ready => None,
+        }
+    }
+}

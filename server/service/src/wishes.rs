@@ -1,0 +1,179 @@
+//! What a client wants to see: the part of a view that outlives its connection.
+
+use surfelcast_protocol::client::ViewSet;
+use surfelcast_protocol::limits::Limits;
+use surfelcast_protocol::settings::Codec;
+use surfelcast_renderer::ViewState;
+use surfelcast_renderer::scene::{Camera, Scene};
+use surfelcast_stream::QualityLimits;
+
+use crate::validate::{Checked, EXPOSURE, view_size, within};
+
+/// Size of a view that has not said one.
+const DEFAULT_SIZE: [u32; 2] = [1280, 720];
+/// Refinement ends at this tone-mapped RMSE unless the client says otherwise: just under one 8-bit step.
+const DEFAULT_MAX_ERROR: f32 = 0.003;
+/// Refinement ends at this many samples unless the client says otherwise.
+const DEFAULT_MAX_SAMPLES: u32 = 4096;
+/// Most samples a client may ask for.
+const MAX_SAMPLES: u32 = 1 << 20;
+
+/// A view as its client wants it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Wishes {
+    pub(crate) camera: Camera,
+    pub(crate) size: [u32; 2],
+    pub(crate) exposure: f32,
+    pub(crate) technique: String,
+    pub(crate) max_error: f32,
+    pub(crate) max_samples: u32,
+    pub(crate) quality: QualityLimits,
+    pub(crate) codec: Option<Codec>,
+    pub(crate) is_paused: bool,
+}
+
+impl Default for Wishes {
+    fn default() -> Self {
+        let camera = Camera {
+            position: glam::DVec3::Z,
+            target: glam::DVec3::ZERO,
+            up: glam::DVec3::Y,
+            vfov: std::f64::consts::FRAC_PI_4,
+        };
+        Self {
+            camera,
+            size: DEFAULT_SIZE,
+            exposure: 1.0,
+            technique: String::new(),
+            max_error: DEFAULT_MAX_ERROR,
+            max_samples: DEFAULT_MAX_SAMPLES,
+            quality: QualityLimits::default(),
+            codec: None,
+            is_paused: false,
+        }
+    }
+}
+
+impl Wishes {
+    /// The scene's first camera, at a default size, with the default technique.
+    pub(crate) fn of_scene(scene: &Scene, technique: &str, max_pixels: u64) -> Self {
+        let mut wishes = Self { technique: technique.to_owned(), ..Self::default() };
+        if let Some(named) = scene.cameras.first() {
+            wishes.camera = named.camera;
+            wishes.exposure = scene.exposure_for(&named.name).clamp(EXPOSURE.0, EXPOSURE.1);
+        }
+        while u64::from(wishes.size[0]) * u64::from(wishes.size[1]) > max_pixels.max(1) {
+            wishes.size = wishes.size.map(|side| (side / 2).max(1));
+        }
+        wishes
+    }
+
+    /// Applies what a client said, all of it or nothing.
+    pub(crate) fn apply(
+        &mut self,
+        set: &ViewSet,
+        limits: &Limits,
+        techniques: &[&str],
+        offered: &[Codec],
+    ) -> Checked<()> {
+        let mut next = self.clone();
+        next.size = view_size([set.w.unwrap_or(next.size[0]), set.h.unwrap_or(next.size[1])], limits)?;
+        if let Some(quality) = set.min_q {
+            next.quality.min_quality = within("min_q", quality, 1, 100)?;
+        }
+        if let Some(quality) = set.max_q {
+            next.quality.max_quality = within("max_q", quality, 1, 100)?;
+        }
+        if next.quality.min_quality > next.quality.max_quality {
+            return Err("min_q: must not be above max_q".into());
+        }
+        if let Some(fps) = set.fps {
+            next.quality.frames_per_sec = within("fps", fps, 1, 120)?;
+        }
+        if let Some(codec) = set.codec {
+            if !offered.contains(&codec) {
+                return Err("codec: not among the codecs offered in hello".into());
+            }
+            next.codec = Some(codec);
+        }
+        if let Some(paused) = set.paused {
+            next.is_paused = paused;
+        }
+        if let Some(exposure) = set.exposure {
+            next.exposure = within("exposure", exposure, EXPOSURE.0, EXPOSURE.1)?;
+        }
+        if let Some(technique) = &set.technique {
+            if !techniques.contains(&technique.as_str()) {
+                return Err(format!("technique: must be one of {}", techniques.join(", ")));
+            }
+            next.technique.clone_from(technique);
+        }
+        if let Some(error) = set.max_error {
+            next.max_error = within("max_error", error, f32::MIN_POSITIVE, 1.0)?;
+        }
+        if let Some(samples) = set.max_spp {
+            next.max_samples = within("max_spp", samples, 1, MAX_SAMPLES)?;
+        }
+        *self = next;
+        Ok(())
+    }
+
+    /// What the renderer is told.
+    pub(crate) fn view_state(&self, is_moving: bool, scale: f32, frames_per_sec: f32, input_seq: u32) -> ViewState {
+        ViewState {
+            camera: self.camera,
+            size: self.size,
+            exposure: self.exposure,
+            technique: self.technique.clone(),
+            is_moving,
+            is_paused: self.is_paused,
+            max_scale: scale,
+            target_frame_secs: 1.0 / frames_per_sec.max(1.0),
+            max_error: self.max_error,
+            max_samples: self.max_samples,
+            input_seq,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn apply(set: &ViewSet) -> Checked<Wishes> {
+        let mut wishes = Wishes::default();
+        wishes.apply(set, &Limits::default(), &["path"], &[Codec::Jpeg])?;
+        Ok(wishes)
+    }
+
+    #[test]
+    fn absent_fields_stay() {
+        let set = ViewSet { w: Some(640), fps: Some(60), ..ViewSet::default() };
+        let wishes = apply(&set).expect("valid");
+        assert_eq!((wishes.size, wishes.quality.frames_per_sec), ([640, 720], 60));
+        assert_eq!(Wishes { size: DEFAULT_SIZE, quality: QualityLimits::default(), ..wishes }, Wishes::default());
+    }
+
+    #[test]
+    fn each_field_is_checked_by_name() {
+        let base = ViewSet::default;
+        let bad = [
+            (ViewSet { w: Some(0), ..base() }, "w"),
+            (ViewSet { h: Some(5000), ..base() }, "h"),
+            (ViewSet { min_q: Some(0), ..base() }, "min_q"),
+            (ViewSet { max_q: Some(101), ..base() }, "max_q"),
+            (ViewSet { min_q: Some(90), max_q: Some(50), ..base() }, "min_q"),
+            (ViewSet { fps: Some(0), ..base() }, "fps"),
+            (ViewSet { codec: Some(Codec::Webp), ..base() }, "codec"),
+            (ViewSet { exposure: Some(f32::NAN), ..base() }, "exposure"),
+            (ViewSet { exposure: Some(f32::INFINITY), ..base() }, "exposure"),
+            (ViewSet { technique: Some("warp".into()), ..base() }, "technique"),
+            (ViewSet { max_error: Some(0.0), ..base() }, "max_error"),
+            (ViewSet { max_spp: Some(0), ..base() }, "max_spp"),
+        ];
+        for (set, field) in bad {
+            let error = apply(&set).expect_err(field);
+            assert!(error.starts_with(field), "{error}");
+        }
+    }
+}
