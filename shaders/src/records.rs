@@ -243,6 +243,18 @@ crate::gpu_structs! {
         pub selector: u32,
     }
 
+    /// Uniforms of the audit's passes over the picture, 16 bytes.
+    pub struct AuditUniforms {
+        /// Pixels.
+        pub pixel_count: u32,
+        /// Samples a pixel.
+        pub samples: f32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Unused.
+        pub padding: u32,
+    }
+
     /// Uniforms of the tone map, 16 bytes.
     pub struct ToneMapUniforms {
         /// Pixels.

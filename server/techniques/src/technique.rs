@@ -52,6 +52,8 @@ pub struct TechniqueOptions {
     pub is_split: bool,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Whether to wait for the kernels' special variants. Otherwise the general ones serve until those are compiled.
+    pub waits_for_kernels: bool,
 }
 
 /// Why a technique cannot work here.
@@ -71,10 +73,11 @@ pub enum TechniqueError {
 }
 
 /// How much one step may do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepBudget {
-    /// Device seconds aimed at; a step ends after about that long, so that others get their turn.
-    pub secs: f64,
+    /// Paths aimed at: samples times pixels. The caller derives it from the rate it measured, so that a step ends soon
+    /// and others get their turn.
+    pub max_paths: u64,
     /// Samples a pixel at which the caller will look at the picture next; the technique does not go past it.
     pub until_samples: u32,
     /// Largest number of samples a batch over all pixels may take. Fixed numbers keep pictures reproducible.
@@ -86,6 +89,8 @@ pub struct StepBudget {
 pub struct Step {
     /// Whether all pixels now have the same number of samples.
     pub is_whole: bool,
+    /// Paths traced.
+    pub paths: u64,
     /// Rays: primary, secondary, shadow.
     pub rays: [u64; 3],
     /// Samples that were not finite.

@@ -5,12 +5,18 @@
 //! a and b is independent and cancels. (The tone map is bent, so means of few samples are off by the same second-order
 //! amount in a, b and x; the lanes take enough samples that it does not show.)
 //!
+//! A few pixels (edges of lamps, caustics) may carry most of the error, and a sparse set misses most of them. So each
+//! pixel's error is also *predicted* from the scatter of its samples, which costs no ray, over the whole picture; the
+//! audited pixels then correct the prediction: `mean(all predicted) + mean(audited - predicted)`. That is unbiased whatever
+//! the prediction is worth, and its noise is that of the correction alone.
+//!
 //! The pixels are stratified: the picture is cut into cells and one pixel is drawn in each. Audit samples never feed the
 //! picture.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Kernel, MemoryKind, PassTime};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::AuditUniforms;
 
 use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
@@ -31,11 +37,14 @@ const SEED_SALT: u64 = 0x5af3_17c9_b0d2_6e41;
 #[derive(Debug)]
 pub struct Audit {
     pixels: Vec<u32>,
+    features: Features,
     kernel: Kernel,
     gather: Kernel,
+    predict: Kernel,
     audit_pixels: Buffer,
     audit_means: Buffer,
     audit_values: Buffer,
+    predicted_sums: Buffer,
     counters: Buffer,
     lane_samples: u32,
     seed: u64,
@@ -66,11 +75,14 @@ impl Audit {
         let audit_pixels = gpu.buffer("audit_pixels", MemoryKind::View, pixels.len() as u64 * 4)?;
         gpu.upload(&audit_pixels, 0, bytemuck::cast_slice(&pixels))?;
         Ok(Self {
+            features,
             kernel: gpu.kernel("error_audit", features)?,
             gather: gpu.kernel("audit_gather", Features::NONE)?,
+            predict: gpu.kernel("audit_predict", Features::NONE)?,
             audit_pixels,
             audit_means: gpu.buffer("audit_means", MemoryKind::View, lanes * 16)?,
             audit_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
+            predicted_sums: gpu.buffer("predicted_sums", MemoryKind::View, u64::from(predict_groups(size)) * 4)?,
             counters: gpu.buffer("audit_counters", MemoryKind::View, 16)?,
             pixels,
             lane_samples: 0,
@@ -102,20 +114,32 @@ impl Audit {
             self.sample(gpu, scene, lights, view, count, &mut result)?;
         }
         let count = self.pixels.len() as u32;
-        let mut graph = gpu.graph("audit_gather");
+        let uniforms = |pixel_count| AuditUniforms { pixel_count, samples: samples as f32, exposure, padding: 0 };
+        let mut graph = gpu.graph("audit");
         graph
             .pass(&self.gather)
+            .uniform("audit", bytemuck::bytes_of(&uniforms(count)))
             .read("accumulation", picture)
             .read("audit_pixels", &self.audit_pixels)
             .read_write("audit_values", &self.audit_values)
             .dispatch([count.div_ceil(64), 1, 1])?;
-        let values = graph.read_back(&self.audit_values, 0..self.audit_values.size_bytes())?;
-        let means = graph.read_back(&self.audit_means, 0..self.audit_means.size_bytes())?;
+        let pixel_count = view.size[0] * view.size[1];
+        graph
+            .pass(&self.predict)
+            .uniform("audit", bytemuck::bytes_of(&uniforms(pixel_count)))
+            .read("accumulation", picture)
+            .read_write("predicted_sums", &self.predicted_sums)
+            .dispatch([predict_groups(view.size), 1, 1])?;
+        let values = graph.read_back(&self.audit_values, 0..u64::from(count) * 16)?;
+        let means = graph.read_back(&self.audit_means, 0..u64::from(count) * 2 * u64::from(LANES) * 16)?;
+        let sums = graph.read_back(&self.predicted_sums, 0..u64::from(predict_groups(view.size)) * 4)?;
         let mut report = graph.submit()?.wait()?;
         let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(values)?);
         let means: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(means)?);
+        let sums: Vec<f32> = bytemuck::pod_collect_to_vec(&report.take(sums)?);
         crate::path::merge_passes(&mut result.passes, report.passes);
-        evaluate(&values, &means, exposure, &mut result);
+        let predicted = sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(pixel_count);
+        evaluate(&values, &means, predicted, exposure, &mut result);
         Ok(result)
     }
 
@@ -129,7 +153,7 @@ impl Audit {
         result: &mut AuditResult,
     ) -> Result<(), GpuError> {
         let lanes = self.pixels.len() as u32 * 2 * LANES;
-        let mut uniforms = view.uniforms(scene, lights, self.seed ^ SEED_SALT);
+        let mut uniforms = view.uniforms(scene, lights, self.features, self.seed ^ SEED_SALT);
         uniforms.pixel_count = lanes;
         uniforms.first_sample = self.lane_samples;
         uniforms.sample_count = count;
@@ -154,6 +178,11 @@ impl Audit {
         crate::path::merge_passes(&mut result.passes, report.passes);
         Ok(())
     }
+}
+
+/// Workgroups of `audit_predict`: 64 threads of 16 pixels.
+fn predict_groups(size: [u32; 2]) -> u32 {
+    (size[0] * size[1]).div_ceil(64 * 16)
 }
 
 /// One random pixel in each cell of a grid over the picture, in row order.
@@ -191,8 +220,9 @@ fn tone_map(c: [f64; 3], exposure: f64) -> [f64; 3] {
     e.map(|v| v * scale)
 }
 
-/// Means over pixels in fixed order.
-fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], exposure: f32, result: &mut AuditResult) {
+/// Means over pixels in fixed order. `values` hold the picture and each pixel's predicted squared error, `predicted` the
+/// mean of that prediction over the whole picture.
+fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], predicted: f64, exposure: f32, result: &mut AuditResult) {
     let lanes = LANES as usize;
     let half_mean = |lane_means: &[[f32; 4]]| {
         let mut sum = [0.0f64; 3];
@@ -204,18 +234,22 @@ fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], exposure: f32, result: &mut
         sum.map(|s| s / lane_means.len().max(1) as f64)
     };
     let exposure = f64::from(exposure);
-    let pixels: Vec<([f64; 3], [f64; 3], [f64; 3])> = values
+    let pixels: Vec<([f64; 3], f64, [f64; 3], [f64; 3])> = values
         .iter()
         .zip(means.chunks_exact(2 * lanes))
-        .map(|(x, half)| ([0, 1, 2].map(|i| f64::from(x[i])), half_mean(&half[..lanes]), half_mean(&half[lanes..])))
+        .map(|(x, half)| {
+            let [r, g, b, prediction] = x.map(f64::from);
+            ([r, g, b], prediction, half_mean(&half[..lanes]), half_mean(&half[lanes..]))
+        })
         .collect();
     let count = pixels.len().max(1) as f64;
     let mean_value = pixels.iter().flat_map(|(x, ..)| x).sum::<f64>() / (3.0 * count);
-    let mut squares = Vec::with_capacity(pixels.len());
+    let mut corrections = Vec::with_capacity(pixels.len());
     let mut relative = 0.0;
-    for (x, a, b) in &pixels {
+    for (x, prediction, a, b) in &pixels {
         let (tx, ta, tb) = (tone_map(*x, exposure), tone_map(*a, exposure), tone_map(*b, exposure));
-        squares.push((0..3).map(|i| (tx[i] - ta[i]) * (tx[i] - tb[i])).sum::<f64>() / 3.0);
+        let square = (0..3).map(|i| (tx[i] - ta[i]) * (tx[i] - tb[i])).sum::<f64>() / 3.0;
+        corrections.push(square - prediction);
         relative += (0..3)
             .map(|i| {
                 let r = (2.0 * x[i] + a[i] + b[i]) * 0.25;
@@ -224,8 +258,9 @@ fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], exposure: f32, result: &mut
             .sum::<f64>()
             / 3.0;
     }
-    let mse = squares.iter().sum::<f64>() / count;
-    let variance = squares.iter().map(|s| (s - mse) * (s - mse)).sum::<f64>() / (count - 1.0).max(1.0);
+    let correction = corrections.iter().sum::<f64>() / count;
+    let mse = predicted + correction;
+    let variance = corrections.iter().map(|c| (c - correction).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     let mse_error = (variance / count).sqrt();
     // A mean of products may fall below 0 by chance where the error is smaller than the audit can see; then the
     // standard error is all that is known.
@@ -262,7 +297,7 @@ mod tests {
         let values = vec![[0.6f32, 0.6, 0.6, 0.0]; n];
         let means: Vec<[f32; 4]> = (0..n * 2 * LANES as usize).map(|_| [(0.5 + noise()) as f32; 4]).collect();
         let mut result = AuditResult::default();
-        evaluate(&values, &means, 1.0, &mut result);
+        evaluate(&values, &means, 0.0, 1.0, &mut result);
         let expected = 0.6 / 1.6 - 0.5 / 1.5;
         assert!((result.rmse_tonemapped - expected).abs() < 3.0 * result.std_error + 1e-4, "{result:?}");
     }

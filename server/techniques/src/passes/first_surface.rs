@@ -38,7 +38,7 @@ pub fn first_surface(
     let features = features_for(&scene.summary, materials, lights.punctual_count > 0, false);
     let kernel = gpu.kernel("first_surface", features)?;
     let buffer = gpu.buffer("first_surface_output", MemoryKind::Staging, u64::from(pixel_count) * 16)?;
-    let mut uniforms = view.uniforms(scene, lights, 0);
+    let mut uniforms = view.uniforms(scene, lights, features, 0);
     uniforms.selector = output as u32;
     let mut graph = gpu.graph("first_surface");
     lights

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use surfelcast_scene::Camera;
+use surfelcast_shaders::Features;
 use surfelcast_shaders::records::FrameUniforms;
 
 use crate::passes::lights::LightBuffers;
@@ -21,8 +22,14 @@ pub struct FrameView {
 }
 
 impl FrameView {
-    /// Uniforms of a dispatch over all pixels and no samples; callers fill in the range.
-    pub fn uniforms(&self, scene: &SceneBuffers, lights: &LightBuffers, seed: u64) -> FrameUniforms {
+    /// Uniforms of a dispatch of a kernel's variant over all pixels and no samples; callers fill in the range.
+    pub fn uniforms(
+        &self,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        features: Features,
+        seed: u64,
+    ) -> FrameUniforms {
         let [width, height] = self.size;
         let (right, up, forward) = self.camera.frame();
         let half_height = (self.camera.vfov * 0.5).tan();
@@ -47,7 +54,7 @@ impl FrameView {
             environment_size: scene.environment_size,
             environment_scale: lights.environment_scale,
             scene_radius: scene.radius,
-            top_root: scene.top_root,
+            top_root: scene.traversal_root(features),
             maximum_bounces: MAXIMUM_BOUNCES,
             exposure: 1.0,
             selector: 0,

@@ -8,6 +8,7 @@ use surfelcast_shaders::records::{
     AliasEntry, GeometryRecord, InstanceRecord, LightTriangle, MaterialRecord, TextureUse, geometry_flags,
     material_flags,
 };
+use surfelcast_shaders::{Feature, Features};
 
 /// No texture, no light.
 const NO_INDEX: u32 = u32::MAX;
@@ -19,8 +20,10 @@ pub struct SceneBuffers {
     pub origin: DVec3,
     /// Radius of the sphere around the scene, metres.
     pub radius: f32,
-    /// Where traversal starts: the top level, or the only hierarchy.
-    pub top_root: u32,
+    /// Root of the top level.
+    top_root: u32,
+    /// Root of the first hierarchy: the only one where there are no instances.
+    first_root: u32,
     /// Size of the environment image; 1x1 for a constant.
     pub environment_size: [u32; 2],
     /// What is in the scene.
@@ -126,15 +129,12 @@ impl SceneBuffers {
                 padding: [0.0; 4],
             })
             .collect();
-        let top_root = match geometry.instances.as_slice() {
-            [only] if !scene.summary.has_instances => only.root_node,
-            _ => geometry.top_root,
-        };
         let mut uploader = Uploader { gpu, bytes: 0 };
         Ok(Self {
             origin: scene.origin,
             radius: scene.bounds.radius(),
-            top_root,
+            top_root: geometry.top_root,
+            first_root: geometry.instances.first().map_or(0, |instance| instance.root_node),
             environment_size,
             summary: scene.summary,
             nodes: uploader.upload("nodes", &geometry.nodes)?,
@@ -151,6 +151,11 @@ impl SceneBuffers {
             environment_table: uploader.upload("environment_table", &environment_table)?,
             bytes: uploader.bytes,
         })
+    }
+
+    /// Where a kernel's variant starts to traverse.
+    pub(crate) fn traversal_root(&self, features: Features) -> u32 {
+        if features.contains(Feature::Instances) { self.top_root } else { self.first_root }
     }
 
     /// Binds to a pass every scene buffer its kernel uses.

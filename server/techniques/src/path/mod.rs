@@ -7,18 +7,16 @@
 //! holds the device for long. The numbers drawn and the order in which a pixel's samples are merged depend on the batch
 //! sizes only, which follow from the sample count, never on timing. The same job therefore gives the same bytes.
 
-use std::time::Instant;
-
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Kernel, MemoryKind, PassTime};
-use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::{Feature, Features};
 
 use crate::passes::features::features_for;
 use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::technique::{
-    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
+    Change, Conformance, MaterialMode, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
 };
 
 /// Registry line.
@@ -36,15 +34,14 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
 const WORKGROUP: u32 = 64;
 /// Pixels of one dispatch at most: workgroups of one dimension.
 const MAX_PIXELS: u32 = 65_535 * WORKGROUP;
-/// Paths a second assumed before anything was measured: a slow CPU device, so that the first dispatch is short.
-const FIRST_PATHS_PER_SEC: f64 = 2e5;
-/// Weight of the newest measurement of paths a second.
-const RATE_SMOOTHING: f64 = 0.3;
 
 struct PathTracer {
     options: TechniqueOptions,
+    /// Variant that fits the scene.
     features: Features,
     kernel: Kernel,
+    /// Variant of `kernel`: the general one until the fitting one is compiled.
+    running_features: Features,
     /// `vec4f` a pixel: mean radiance, squared deviation of luminance. Written by `path_trace`; read by `tone_map`,
     /// `audit_gather` and the host; lives as long as the view.
     accumulation: Buffer,
@@ -58,7 +55,6 @@ struct PathTracer {
     batch: u32,
     /// Pixels of the batch in hand that are done.
     batch_pixels: u32,
-    paths_per_sec: f64,
 }
 
 impl PathTracer {
@@ -77,17 +73,28 @@ impl PathTracer {
                 Ok((direct, gpu.buffer("split_irradiance", MemoryKind::View, pixel_count * 16)?))
             })
             .transpose()?;
+        // The first picture does not wait for a compiler.
+        let ready = if options.waits_for_kernels { None } else { gpu.kernel_if_ready("path_trace", features) };
+        let (kernel, running_features) = match ready {
+            Some(kernel) => (kernel, features),
+            None if options.waits_for_kernels => (gpu.kernel("path_trace", features)?, features),
+            None => {
+                gpu.prepare("path_trace", features);
+                let general = general_features(options.materials, options.is_split);
+                (gpu.kernel("path_trace", general)?, general)
+            }
+        };
         Ok(Self {
             options,
             features,
-            kernel: gpu.kernel("path_trace", features)?,
+            kernel,
+            running_features,
             accumulation: gpu.buffer("accumulation", MemoryKind::View, pixel_count * 16)?,
             counters: gpu.buffer("counters", MemoryKind::View, 16)?,
             split,
             samples: 0,
             batch: 0,
             batch_pixels: 0,
-            paths_per_sec: FIRST_PATHS_PER_SEC,
         })
     }
 
@@ -115,17 +122,22 @@ impl Technique for PathTracer {
         if self.batch == 0 {
             return Ok(Step { is_whole: true, ..Step::default() });
         }
-        let affordable = self.paths_per_sec * budget.secs / f64::from(self.batch);
-        let groups = (affordable / f64::from(WORKGROUP)).clamp(1.0, f64::from(MAX_PIXELS / WORKGROUP)) as u32;
+        if self.running_features != self.features
+            && let Some(kernel) = gpu.kernel_if_ready("path_trace", self.features)
+        {
+            self.kernel = kernel;
+            self.running_features = self.features;
+        }
+        let affordable_groups = budget.max_paths / u64::from(self.batch) / u64::from(WORKGROUP);
+        let groups = affordable_groups.clamp(1, u64::from(MAX_PIXELS / WORKGROUP)) as u32;
         let range = (groups * WORKGROUP).min(pixel_count - self.batch_pixels);
 
-        let mut uniforms = view.uniforms(scene, lights, self.options.seed);
+        let mut uniforms = view.uniforms(scene, lights, self.running_features, self.options.seed);
         uniforms.first_pixel = self.batch_pixels;
         uniforms.pixel_count = range;
         uniforms.first_sample = self.samples;
         uniforms.sample_count = self.batch;
 
-        let started = Instant::now();
         let mut graph = gpu.graph("path");
         graph.clear(&self.counters)?;
         let mut pass = lights.bind(scene.bind(graph.pass(&self.kernel)));
@@ -141,12 +153,7 @@ impl Technique for PathTracer {
         let mut report = graph.submit()?.wait()?;
         let counters: Vec<u32> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);
 
-        let secs = started.elapsed().as_secs_f64().max(1e-6);
-        let rate = f64::from(range) * f64::from(self.batch) / secs;
-        self.paths_per_sec += (rate - self.paths_per_sec) * RATE_SMOOTHING;
-        // A machine that is much faster than assumed is believed at once; smoothing would take many short dispatches.
-        self.paths_per_sec = self.paths_per_sec.max(rate * 0.5);
-
+        let paths = u64::from(range) * u64::from(self.batch);
         self.batch_pixels += range;
         let is_whole = self.batch_pixels == pixel_count;
         if is_whole {
@@ -156,6 +163,7 @@ impl Technique for PathTracer {
         }
         Ok(Step {
             is_whole,
+            paths,
             rays: [counters[0].into(), counters[1].into(), counters[2].into()],
             non_finite: counters[3].into(),
             passes: report.passes,
@@ -188,6 +196,11 @@ impl Technique for PathTracer {
     fn features(&self) -> Features {
         self.features
     }
+}
+
+/// The variant that serves any scene with these materials.
+pub fn general_features(materials: MaterialMode, is_split: bool) -> Features {
+    Features::ALL.set(Feature::Pbr, materials == MaterialMode::Pbr).set(Feature::Split, is_split)
 }
 
 /// Sums the times of passes of one name.
