@@ -42,6 +42,10 @@ test('a left drag orbits, the picture follows, and rest settles again', onStage(
   assert.ok(pose.eye[0] < -0.5, 'dragging right moves the eye left');
   assert.ok(pose.eye[1] > 1.1, 'dragging down raises the eye');
   assert.ok(Math.abs(eyeDistance(pose) - 3.5) < 1e-9);
+  const ring = await page.evaluate(() => getComputedStyle(document.querySelector('surfelcast-view').canvas).outlineStyle);
+  assert.equal(ring, 'none', 'the focus ring is for the keyboard');
+  await page.keyboard.press('ArrowLeft');
+  await ended(server, 2);
   await until('the picture changes', async () => {
     const after = await colorAt(page, 0.5, 0.3);
     return Math.abs(after[0] - before[0]) > 10;

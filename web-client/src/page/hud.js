@@ -39,6 +39,9 @@ export class Hud {
   /** @param {import('../protocol/frame.js').FrameHeader} frame */
   frame(frame) {
     this.#frame = frame;
+    const final = (frame.flags & flags.FINAL) !== 0;
+    // Something changed since; the next figures will say how far it is.
+    if (!final && this.#stats?.converged) this.#stats = { ...this.#stats, converged: false };
     this.#frameAt = performance.now();
     this.#schedule(INTERVAL_MS);
   }
@@ -51,10 +54,11 @@ export class Hud {
 
   /** @param {boolean} moving */
   moving(moving) {
+    if (moving === this.#moving) return;
     this.#moving = moving;
     // Old figures belong to another picture.
     if (moving) this.#stats = undefined;
-    this.#schedule(INTERVAL_MS);
+    this.#render();
   }
 
   /** @param {boolean} live whether the server is there */

@@ -32,7 +32,7 @@ export class LightsPanel {
     this.view = view;
     this.#gesture = new Gesture((patch, phase) => view.editLights(patch, phase));
     this.list = h('ul', { className: 'lights' });
-    this.none = h('p', { className: 'empty', textContent: 'This scene has no lights of its own. Add one, or light it by its environment.' });
+    this.none = h('p', { className: 'empty', textContent: 'No point, spot or sun lights here. What lights the scene is its glowing surfaces and surroundings.' });
     /** @param {'point' | 'spot' | 'directional'} kind @param {string} text */
     const adder = (kind, text) => h('button', { type: 'button', textContent: text, 'aria-label': `Add ${text.toLowerCase()} light`, onclick: () => this.#add(kind) });
     this.adders = [adder('point', 'Point'), adder('spot', 'Spot'), adder('directional', 'Sun')];

@@ -20,6 +20,12 @@ const ROWS = /** @type {const} */ ({
   server: 'Server',
 });
 
+/** Times in the frame header saturate. */
+const MOST_MS = 655.35;
+
+/** @param {number} ms */
+const headerTime = (ms) => (ms >= MOST_MS ? `over ${milliseconds(MOST_MS)}` : milliseconds(ms));
+
 /** @typedef {import('../protocol/messages.js').Stats} Stats */
 /** @typedef {import('../protocol/frame.js').FrameHeader} FrameHeader */
 
@@ -57,7 +63,7 @@ export class StatsPanel {
     const reduced = w !== width || h_ !== height;
     this.#set('size', `${width} × ${height}${reduced ? ` from ${w} × ${h_}` : ''} ${frame.codec.toUpperCase()}`);
     this.#set('samples', count(frame.samples));
-    this.#set('frame', `${milliseconds(frame.renderMs)} / ${milliseconds(frame.encodeMs)}`);
+    this.#set('frame', `${headerTime(frame.renderMs)} / ${headerTime(frame.encodeMs)}`);
   }
 
   /** @param {{ framesPerSecond: number, bytesPerSecond: number, latency?: { p50: number, p95: number } | undefined }} measured */

@@ -55,9 +55,11 @@ export class PointerControls {
 
   /** @param {PointerEvent} event */
   #onDown(event) {
-    this.canvas.focus({ preventScroll: true });
-    // Middle would start the browser's own scrolling.
-    if (event.button === 1) event.preventDefault();
+    // Pressing a button focuses by itself, and without a ring. Middle would start the browser's own scrolling instead.
+    if (event.button === 1) {
+      event.preventDefault();
+      this.canvas.focus({ preventScroll: true });
+    }
     this.canvas.setPointerCapture(event.pointerId);
     this.#down.set(event.pointerId, { x: event.clientX, y: event.clientY });
     if (event.pointerType === 'touch') {
