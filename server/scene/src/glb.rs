@@ -59,6 +59,15 @@ impl GlbBuilder {
         }
     }
 
+    /// Names an extension as used and required.
+    pub fn require_extension(&mut self, name: &str) {
+        self.use_extension(name);
+        let list = self.root.entry("extensionsRequired").or_insert_with(|| json!([]));
+        if let Some(list) = list.as_array_mut().filter(|list| !list.iter().any(|known| known == name)) {
+            list.push(json!(name));
+        }
+    }
+
     /// Appends bytes as a buffer view of their own, aligned to 4, and returns its index.
     pub fn view(&mut self, bytes: &[u8]) -> usize {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
@@ -75,6 +84,23 @@ impl GlbBuilder {
             json!({"bufferView": view, "componentType": component, "count": count, "type": shape,
                    "normalized": normalized}),
         )
+    }
+
+    /// Appends an accessor whose elements stand `stride` bytes apart.
+    pub fn strided(
+        &mut self,
+        bytes: &[u8],
+        stride: usize,
+        component: u32,
+        count: usize,
+        shape: &str,
+        normalized: bool,
+    ) -> usize {
+        let index = self.accessor(bytes, component, count, shape, normalized);
+        if let Some(view) = self.root.get_mut("bufferViews").and_then(Value::as_array_mut).and_then(|v| v.last_mut()) {
+            view["byteStride"] = json!(stride);
+        }
+        index
     }
 
     /// Appends a float accessor of 1- to 4-component vectors.

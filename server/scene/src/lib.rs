@@ -11,6 +11,7 @@
 mod bounds;
 pub mod bvh;
 pub mod camera;
+pub mod demo;
 pub mod environment;
 pub mod error;
 pub mod geometry;

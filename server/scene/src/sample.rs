@@ -25,7 +25,9 @@ pub fn sample_texture(texture: &Texture, uv: [f32; 2], decode: impl Fn(f32) -> f
         rgba[..3].iter_mut().for_each(|c| *c = decode(*c));
         rgba
     };
-    let (x, y) = (uv[0] * width, uv[1] * height);
+    // Coordinates beyond 2^30 texels have no fraction left in f32; bounding them keeps the integers in range.
+    let bounded = |x: f32| if x.is_finite() { x.clamp(-1e9, 1e9) } else { 0.0 };
+    let (x, y) = (bounded(uv[0] * width), bounded(uv[1] * height));
     if !texture.is_linear {
         return texel(x.floor() as i64, y.floor() as i64);
     }
@@ -40,8 +42,7 @@ pub fn sample_texture(texture: &Texture, uv: [f32; 2], decode: impl Fn(f32) -> f
 }
 
 fn wrap(x: i64, size: u32, mode: Wrap) -> u32 {
-    // casts from huge floats saturate; halving keeps the additions below in range
-    let (x, size) = (x.clamp(i64::MIN / 4, i64::MAX / 4), i64::from(size));
+    let size = i64::from(size);
     let wrapped = match mode {
         Wrap::Repeat => x.rem_euclid(size),
         Wrap::MirroredRepeat => {
@@ -63,6 +64,20 @@ mod tests {
         assert_eq!(row(Wrap::Repeat), [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3]);
         assert_eq!(row(Wrap::MirroredRepeat), [3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0]);
         assert_eq!(row(Wrap::ClampToEdge), [0, 0, 0, 0, 0, 1, 2, 3, 3, 3, 3, 3]);
-        assert_eq!(wrap(i64::MAX, 4, Wrap::ClampToEdge), 3);
+        }
+
+    #[test]
+    fn extreme_coordinates_are_harmless() {
+        let texture = Texture {
+            width: 2,
+            height: 2,
+            texels: vec![255; 16].into(),
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::MirroredRepeat,
+            is_linear: true,
+        };
+        for x in [f32::MAX, f32::MIN, f32::INFINITY, f32::NAN, 1e20, -1e-40] {
+            assert_eq!(sample_texture(&texture, [x, x], srgb_to_linear), [1.0; 4], "{x}");
+        }
     }
 }

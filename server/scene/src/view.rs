@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::load::invalid;
+use crate::load::{clip, invalid};
 use crate::{Camera, Environment, NamedCamera, SceneError};
 
 /// An instant of an animation.
@@ -113,8 +113,8 @@ impl ViewFile {
         crate::load::within("view file bytes", json.len() as u64, MAX_VIEW_BYTES)?;
         let mut deserializer = serde_json::Deserializer::from_slice(json);
         let parsed: ViewJson = serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|error| invalid(format!("view.{}", error.path()), error.inner().to_string()))?;
-        deserializer.end().map_err(|error| invalid("view", error.to_string()))?;
+            .map_err(|error| invalid(clip(&format!("view.{}", error.path())), clip(&error.inner().to_string())))?;
+        deserializer.end().map_err(|error| invalid("view", clip(&error.to_string())))?;
 
         let mut cameras: Vec<NamedCamera> = Vec::new();
         for (index, camera) in parsed.cameras.into_iter().enumerate() {

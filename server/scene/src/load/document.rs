@@ -399,9 +399,9 @@ pub(crate) fn parse(json: &[u8]) -> Result<Document, SceneError> {
     let mut deserializer = serde_json::Deserializer::from_slice(json);
     let document: Document = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let field = error.path().to_string();
-        invalid(if field == "." { "JSON".to_owned() } else { field }, error.inner().to_string())
+        invalid(if field == "." { "JSON".to_owned() } else { clip(&field) }, clip(&error.inner().to_string()))
     })?;
-    deserializer.end().map_err(|error| invalid("JSON", error.to_string()))?;
+    deserializer.end().map_err(|error| invalid("JSON", clip(&error.to_string())))?;
     if !document.asset.version.starts_with("2.") && document.asset.version != "2" {
         return Err(invalid(
             "asset.version",
@@ -437,7 +437,7 @@ pub(crate) fn finite(value: f64, field: &str) -> Result<f32, SceneError> {
     if narrow.is_finite() { Ok(narrow) } else { Err(invalid(field, format!("{value} is out of range"))) }
 }
 
-/// At most the first 64 characters of untrusted text, for messages.
+/// At most the first 160 characters of untrusted text, for messages: a `data:` URI may have millions.
 pub(crate) fn clip(text: &str) -> String {
-    text.chars().take(64).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars().take(160).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }

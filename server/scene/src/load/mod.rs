@@ -22,7 +22,7 @@ use cap_std::ambient_authority;
 use cap_std::fs::Dir;
 use glam::{DVec3, Vec3};
 
-pub(crate) use document::{invalid, within};
+pub(crate) use document::{clip, invalid, within};
 
 use crate::{Bounds, Environment, Pose, Scene, SceneError, SceneLimits, SceneSummary, ViewFile};
 use accessor::Reader;
@@ -157,8 +157,8 @@ fn load(
 fn check_extensions(document: &Document) -> Result<Vec<String>, SceneError> {
     let is_known = |name: &String| SUPPORTED.contains(&name.as_str());
     if let Some(name) = document.extensions_required.iter().find(|name| !is_known(name)) {
-        return Err(SceneError::UnsupportedExtension { name: document::clip(name) });
+        return Err(SceneError::UnsupportedExtension { name: clip(name) });
     }
     let unknown = document.extensions_used.iter().filter(|name| !is_known(name)).take(MAX_WARNINGS);
-    Ok(unknown.map(|name| format!("extension {} is not supported and ignored", document::clip(name))).collect())
+    Ok(unknown.map(|name| format!("extension {} is not supported and ignored", clip(name))).collect())
 }
