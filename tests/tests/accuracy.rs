@@ -1,0 +1,121 @@
+//! The finished program against reference images, from outside: `surfelcast render` and nothing else.
+//!
+//! Few samples suffice here: the gate compares with the noise that two seeds show, so a missing factor, a wrong density or
+//! a lost light stands out however noisy the picture is. `make bench-accuracy` does the same with many samples.
+
+use anyhow::{Context as _, Result, ensure};
+use surfelcast_tests::accuracy::{Mode, Point, Reference, Renderer, shared_folder};
+
+/// Squared error over what noise explains. Chance alone stays well below this with ten thousand pixels.
+const RATIO_LIMIT: f64 = 1.15;
+/// Distance of the means in standard errors. Over thirty references, 3 would be passed by chance one time in twelve.
+const BIAS_LIMIT: f64 = 4.0;
+/// Share by which a furnace's mean may miss its analytic colour.
+const FURNACE_LIMIT: f64 = 0.002;
+/// Share by which the audit may miss the measured error, on average over a group.
+const AUDIT_LIMIT: f64 = 0.15;
+
+/// Measures every reference that `belongs`; `None` where there are no references.
+fn measure(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<Option<Vec<(Reference, Point)>>> {
+    let Some(shared) = shared_folder() else {
+        println!("skipped: no folder of references; set SURFELCAST_SHARED to one");
+        return Ok(None);
+    };
+    let renderer = Renderer::find("path")?;
+    let mut measured = Vec::new();
+    for reference in Reference::read_all(&shared)?.into_iter().filter(belongs) {
+        let point = renderer.measure(&reference, samples).with_context(|| reference.name.clone())?;
+        println!(
+            "{}: RMSE {:.5}, ratio {:.3}, bias {:+.2} % ({:+.1} errors), audit {:.5}",
+            reference.name,
+            point.rmse,
+            point.ratio(reference.noise_rmse),
+            100.0 * point.bias,
+            point.bias_in_errors,
+            point.audited_rmse
+        );
+        measured.push((reference, point));
+    }
+    ensure!(!measured.is_empty(), "no reference belongs to this group any more");
+    Ok(Some(measured))
+}
+
+/// Every reference of a group shows nothing but noise, and the audit's estimate of it is right.
+fn check(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<()> {
+    let Some(measured) = measure(samples, belongs)? else { return Ok(()) };
+    let mut faults = Vec::new();
+    let (mut audited, mut real) = (0.0, 0.0);
+    for (reference, point) in &measured {
+        let ratio = point.ratio(reference.noise_rmse);
+        if ratio.is_nan() || ratio > RATIO_LIMIT {
+            faults.push(format!("{}: squared error is {ratio:.3} times what noise explains", reference.name));
+        }
+        if point.bias_in_errors.is_nan() || point.bias_in_errors.abs() > BIAS_LIMIT {
+            faults.push(format!(
+                "{}: the mean is off by {:+.2} %, {:+.1} standard errors",
+                reference.name,
+                100.0 * point.bias,
+                point.bias_in_errors
+            ));
+        }
+        if point.non_finite > 0 {
+            faults.push(format!("{}: {} pixels are not finite", reference.name, point.non_finite));
+        }
+        // Logarithms, so that a dark scene counts as much as a bright one.
+        let truth = point.rmse_to_truth(reference.noise_rmse);
+        if reference.mode != Mode::Indirect && point.audited_rmse > 0.0 && truth > reference.noise_rmse {
+            audited += point.audited_rmse.ln();
+            real += truth.ln();
+        } else if reference.mode != Mode::Indirect && point.audited_rmse <= 0.0 {
+            faults.push(format!("{}: the statistics state no audited error", reference.name));
+        }
+    }
+    let audit_ratio = ((audited - real) / measured.len() as f64).exp();
+    if (audit_ratio - 1.0).abs() > AUDIT_LIMIT {
+        faults.push(format!("the audit states {audit_ratio:.2} times the measured error, on average"));
+    }
+    ensure!(faults.is_empty(), "{}", faults.join("\n"));
+    Ok(())
+}
+
+fn is_furnace(reference: &Reference) -> bool {
+    reference.name.starts_with("furnace")
+}
+
+#[test]
+fn furnaces_are_white() -> Result<()> {
+    let Some(measured) = measure(64, is_furnace)? else { return Ok(()) };
+    for (reference, point) in measured {
+        ensure!(!reference.expected.colors.is_empty(), "{} states no analytic colour", reference.name);
+        ensure!(
+            point.analytic_error <= FURNACE_LIMIT,
+            "{}: the mean misses its analytic colour by {:.2} %",
+            reference.name,
+            100.0 * point.analytic_error
+        );
+        ensure!(point.non_finite == 0, "{}: {} pixels are not finite", reference.name, point.non_finite);
+    }
+    Ok(())
+}
+
+#[test]
+fn lambert_scenes_match_their_references() -> Result<()> {
+    check(16, |reference| {
+        reference.mode == Mode::Lambert && !is_furnace(reference) && !reference.name.starts_with("khr_")
+    })
+}
+
+#[test]
+fn lambert_conformance_assets_match_their_references() -> Result<()> {
+    check(16, |reference| reference.mode == Mode::Lambert && reference.name.starts_with("khr_"))
+}
+
+#[test]
+fn metallic_roughness_matches_its_references() -> Result<()> {
+    check(16, |reference| reference.mode == Mode::Pbr)
+}
+
+#[test]
+fn demodulated_indirect_light_matches_its_references() -> Result<()> {
+    check(16, |reference| reference.mode == Mode::Indirect)
+}
