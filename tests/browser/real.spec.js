@@ -33,6 +33,10 @@ before(async () => {
   server = await startServer({ data, args: SCENE });
   browser = await launch();
   page = await browser.newPage({ viewport: { width: 400, height: 400 }, reducedMotion: 'reduce' });
+  // Events of the view do not bubble, but they are captured on their way down.
+  await page.addInitScript(() => {
+    window.addEventListener('frame', ({ detail }) => (window.lastFrame = detail), true);
+  });
   page.on('pageerror', (error) => errors.push(error.message));
   page.on('console', (message) => message.type() === 'error' && errors.push(message.text()));
   page.on('websocket', (socket) => {
@@ -54,7 +58,21 @@ after(async () => {
   if (data) await rm(data, { recursive: true, force: true });
 });
 
-const settled = () => page.locator('#hud[data-state=settled]').waitFor({ timeout: SLOW_MS });
+/** Number of the last input sent. */
+const lastInput = () =>
+  traffic.sent.reduce((last, text) => {
+    const { t, seq } = JSON.parse(text);
+    return t === 'camera' || t === 'light' ? seq : last;
+  }, 0);
+
+/** Waits until the picture contains the last input and is one after which nothing follows, and the page says so. */
+async function settled() {
+  await until('a final picture with the last input', () => page.evaluate((seq) => {
+    const frame = window.lastFrame;
+    return frame && frame.inputSeq === seq && (frame.flags & 4) !== 0;
+  }, lastInput()), SLOW_MS);
+  await page.locator('#hud[data-state=settled]').waitFor({ timeout: SLOW_MS });
+}
 
 /** The picture as a coarse grid of brightness and colour. */
 const picture = () =>
@@ -70,24 +88,15 @@ const picture = () =>
 /** Mean difference of two pictures, 0 to 255. */
 const difference = (a, b) => a.reduce((sum, value, i) => sum + Math.abs(value - b[i]), 0) / a.length;
 
-/** Whether the picture on the canvas is one after which nothing follows. */
-const isFinal = () => page.evaluate(() => (window.lastFlags & 4) !== 0);
-
 /** Waits for a final picture that differs from an earlier one, and for the page to say that it has settled. */
 async function settledDifferently(before) {
   await until('a different picture', async () => difference(before, await picture()) > 2, SLOW_MS);
-  await until('a final picture', isFinal, SLOW_MS);
   await settled();
   assert.ok(difference(before, await picture()) > 2, 'the final picture shows the change');
 }
 
 test('the page loads and the demo scene settles', async () => {
   await page.goto(`${server.address}/?max_spp=32&resolution=0.5`);
-  await page.evaluate(() => {
-    document.querySelector('surfelcast-view').addEventListener('frame', ({ detail }) => {
-      window.lastFlags = detail.flags;
-    });
-  });
   await settled();
   const pixels = await picture();
   const mean = pixels.reduce((sum, value) => sum + value, 0) / pixels.length;
@@ -129,8 +138,10 @@ test('a double click focuses on a surface', async () => {
   const before = traffic.received.length;
   const { x, y } = await centre(page);
   await page.mouse.dblclick(x - 30, y + 20);
+  const inputs = lastInput();
   const answer = await until('the answer', () => traffic.received.slice(before).find((text) => text.includes('"picked"')), SLOW_MS);
   assert.equal(JSON.parse(answer).position?.length, 3);
+  await until('the camera turns there', () => lastInput() > inputs);
   await settled();
 });
 

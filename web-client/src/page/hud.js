@@ -17,6 +17,8 @@ export class Hud {
   #stats;
   #moving = false;
   #live = false;
+  /** Whether the newest frame was overtaken by an input or a lost connection. */
+  #stale = false;
   #frameAt = 0;
   /** @type {number | undefined} */
   #timer;
@@ -39,6 +41,7 @@ export class Hud {
   /** @param {import('../protocol/frame.js').FrameHeader} frame */
   frame(frame) {
     this.#frame = frame;
+    this.#stale = false;
     const final = (frame.flags & flags.FINAL) !== 0;
     // Something changed since; the next figures will say how far it is.
     if (!final && this.#stats?.converged) this.#stats = { ...this.#stats, converged: false };
@@ -57,13 +60,17 @@ export class Hud {
     if (moving === this.#moving) return;
     this.#moving = moving;
     // Old figures belong to another picture.
-    if (moving) this.#stats = undefined;
+    if (moving) {
+      this.#stats = undefined;
+      this.#stale = true;
+    }
     this.#render();
   }
 
   /** @param {boolean} live whether the server is there */
   live(live) {
     this.#live = live;
+    if (!live) this.#stale = true;
     this.#schedule(0);
   }
 
@@ -86,7 +93,7 @@ export class Hud {
     this.element.hidden = !this.#frame;
     if (!this.#frame) return;
     const measured = this.view.measure();
-    const settled = !this.#moving && (this.#stats?.converged ?? (this.#frame.flags & flags.FINAL) !== 0);
+    const settled = !this.#moving && !this.#stale && (this.#stats?.converged ?? (this.#frame.flags & flags.FINAL) !== 0);
     this.element.dataset['state'] = !this.#live ? 'away' : this.#moving ? 'moving' : settled ? 'settled' : 'refining';
     this.progress.textContent = this.#progressText(settled);
     const [width, height] = this.#frame.fullSize;
