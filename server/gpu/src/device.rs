@@ -26,8 +26,8 @@ use crate::tracker::{ErrorTracker, TrackedError};
 const UPLOAD_CHUNK_BYTES: usize = 16 << 20;
 /// Budget of a card when nothing else is said: wgpu cannot tell how much memory it has.
 const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
-/// A submission that takes longer is taken for a hanging driver.
-const WATCHDOG: Duration = Duration::from_secs(30);
+/// A submission that takes longer is taken for a hanging driver, when nothing else is said.
+const DEFAULT_SUBMISSION_LIMIT: Duration = Duration::from_secs(30);
 
 /// How to open the device.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +38,8 @@ pub struct GpuOptions {
     pub cache_dir: Option<PathBuf>,
     /// Most bytes to use. Half of the machine's memory on CPU devices and 4 GiB on others otherwise.
     pub memory_budget_bytes: Option<u64>,
+    /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise.
+    pub submission_limit: Option<Duration>,
     /// Lets [`Gpu::force_loss`] work. For tests.
     pub allow_forced_loss: bool,
 }
@@ -57,7 +59,7 @@ pub(crate) struct Inner {
     pub(crate) has_timestamps: bool,
     /// Whether every pass has an error scope of its own.
     pub(crate) checks_passes: bool,
-    pub(crate) watchdog: Duration,
+    pub(crate) submission_limit: Duration,
     pub(crate) ledger: Arc<MemoryLedger>,
     pub(crate) kernels: KernelStore,
     pub(crate) staging: StagingRing,
@@ -140,7 +142,7 @@ impl Gpu {
             has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             checks_passes: cfg!(debug_assertions)
                 || std::env::var_os("SURFELCAST_GPU_CHECKS").is_some_and(|v| v == "1"),
-            watchdog: WATCHDOG,
+            submission_limit: options.submission_limit.unwrap_or(DEFAULT_SUBMISSION_LIMIT),
             ledger: Arc::new(MemoryLedger::new(budget)),
             kernels: KernelStore::default(),
             staging: StagingRing::default(),
@@ -279,7 +281,7 @@ impl Gpu {
             if index > 0 {
                 // Lets the driver free the staging of the chunk before.
                 let submitted = inner.queue.submit(std::iter::empty());
-                inner.wait_for(&submitted, inner.watchdog, "upload")?;
+                inner.wait_for(&submitted, inner.submission_limit, "upload")?;
             }
             inner.scoped(buffer.label(), chunk.len() as u64, || {
                 inner.queue.write_buffer(&buffer.inner.raw, at, chunk)
@@ -377,7 +379,7 @@ impl Inner {
         if self.poll(how)? {
             return Ok(());
         }
-        let error = GpuError::Timeout { graph: label.to_owned(), limit_secs: limit.as_secs() };
+        let error = GpuError::Timeout { graph: label.to_owned(), limit_ms: limit.as_millis() as u64 };
         self.loss.mark(&error.to_string());
         Err(error)
     }

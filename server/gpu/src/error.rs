@@ -76,12 +76,12 @@ pub enum GpuError {
         message: String,
     },
     /// A submission did not finish in time; the device counts as lost.
-    #[error("`{graph}` did not finish within {limit_secs} s; the device counts as lost")]
+    #[error("`{graph}` did not finish within {limit_ms} ms; the device counts as lost")]
     Timeout {
         /// Label of the graph.
         graph: String,
-        /// Seconds.
-        limit_secs: u64,
+        /// Milliseconds.
+        limit_ms: u64,
     },
     /// Losing the device on purpose was not allowed when it was opened.
     #[error("losing the device on purpose is a test's right: open it with `allow_forced_loss`")]

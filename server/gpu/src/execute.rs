@@ -100,7 +100,7 @@ impl Mapping {
         let failed = |message: String| GpuError::Validation { context: "read back".to_owned(), message };
         if self.state.load(Ordering::Acquire) == MAPPING_PENDING {
             // The callback comes with a poll after the work is done.
-            gpu.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(gpu.watchdog) })?;
+            gpu.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(gpu.submission_limit) })?;
         }
         if self.state.load(Ordering::Acquire) != MAPPING_DONE {
             gpu.check()?;
@@ -116,23 +116,23 @@ impl Mapping {
 }
 
 impl Submission {
-    /// Waits until the graph has run. A device that needs more than half a minute counts as lost.
+    /// Waits until the graph has run. A device that needs longer than the options allow counts as lost.
     pub fn wait(self) -> Result<GraphReport, GpuError> {
-        let limit = self.gpu.inner.watchdog;
+        let limit = self.gpu.inner.submission_limit;
         self.gpu.inner.wait_for(&self.index, limit, &self.label)?;
         self.collect()
     }
 
-    /// Waits for at most `timeout` and gives the submission back if it is still running. A device that needs more than
-    /// half a minute in all counts as lost.
+    /// Waits for at most `timeout` and gives the submission back if it is still running. A device that needs longer in
+    /// all than the options allow counts as lost.
     pub fn try_wait(self, timeout: Duration) -> Result<Result<GraphReport, Submission>, GpuError> {
         let how = wgpu::PollType::Wait { submission_index: Some(self.index.clone()), timeout: Some(timeout) };
         if self.gpu.inner.poll(how)? {
             return self.collect().map(Ok);
         }
-        let limit = self.gpu.inner.watchdog;
+        let limit = self.gpu.inner.submission_limit;
         if self.started.elapsed() > limit {
-            let error = GpuError::Timeout { graph: self.label.clone(), limit_secs: limit.as_secs() };
+            let error = GpuError::Timeout { graph: self.label.clone(), limit_ms: limit.as_millis() as u64 };
             self.gpu.inner.mark_lost(&error.to_string());
             return Err(error);
         }
@@ -171,12 +171,20 @@ pub(crate) fn submit(graph: Graph) -> Result<Submission, GpuError> {
     // Held until the queue has everything: uniform data and the passes that read it belong together.
     let mut uniforms = inner.uniforms.lock();
     let context = format!("graph `{}`", graph.label);
-    let recorded = inner.scoped(&context, graph.uniforms.len() as u64, || record(inner, &graph, &mut uniforms))??;
+    let mut recorded = None;
+    let scoped = inner.scoped(&context, graph.uniforms.len() as u64, || {
+        recorded = Some(record(inner, &graph, &mut uniforms));
+    });
+    // What stopped the recording says more than what followed from it.
+    let Recorded { index, passes, timed, timestamps, staging } = match recorded {
+        Some(Ok(recorded)) => scoped.map(|()| recorded)?,
+        Some(Err(error)) => return Err(error),
+        None => return Err(GpuError::Validation { context, message: "nothing was recorded".to_owned() }),
+    };
     drop(uniforms);
     for buffer in &graph.written {
         buffer.mark_written();
     }
-    let Recorded { index, passes, timed, timestamps, staging } = recorded;
     let timestamps = timestamps.map(|buffer| Mapping::start(buffer, timed.len() as u64 * 2 * TIMESTAMP_BYTES));
     let read_backs = graph.read_backs.into_iter().zip(staging).map(|(read_back, buffer)| {
         let bytes = read_back.aligned.end - read_back.aligned.start;
@@ -250,7 +258,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
                     let submitted_at = Instant::now();
                     let index = inner.scoped(&context, 0, || inner.queue.submit([before.finish(), commands]))?;
                     if is_cpu {
-                        inner.wait_for(&index, inner.watchdog, &graph.label)?;
+                        inner.wait_for(&index, inner.submission_limit, &graph.label)?;
                         passes[place].gpu_ms += submitted_at.elapsed().as_secs_f64() * 1e3;
                     }
                 } else {
@@ -259,7 +267,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
                         let commands = std::mem::replace(&mut encoder, new_encoder(inner, &graph.label)).finish();
                         let submitted_at = Instant::now();
                         let index = inner.queue.submit([commands]);
-                        inner.wait_for(&index, inner.watchdog, &graph.label)?;
+                        inner.wait_for(&index, inner.submission_limit, &graph.label)?;
                         passes[place].gpu_ms += submitted_at.elapsed().as_secs_f64() * 1e3;
                     }
                 }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Weak};
 use std::thread;
@@ -125,9 +126,15 @@ impl KernelStore {
     /// Compiles a variant that is marked as being compiled, and says so to whoever waits.
     fn compile(&self, gpu: &Inner, variant: Variant) -> Result<Kernel, GpuError> {
         let (name, features) = &variant;
-        let result = link(name, *features)
-            .map_err(|error| GpuError::Pipeline { kernel: name.clone(), message: error.to_string() })
-            .and_then(|linked| self.share(gpu, &linked));
+        // Whoever waits for this variant must be told, whatever happens to the compiler.
+        let compiled = catch_unwind(AssertUnwindSafe(|| {
+            link(name, *features)
+                .map_err(|error| GpuError::Pipeline { kernel: name.clone(), message: error.to_string() })
+                .and_then(|linked| self.share(gpu, &linked))
+        }));
+        let result = compiled.unwrap_or_else(|_| {
+            Err(GpuError::Pipeline { kernel: name.clone(), message: "the compiler panicked".to_owned() })
+        });
         let state = match &result {
             Ok(kernel) => State::Ready(kernel.clone()),
             Err(error) => State::Failed(error.clone()),

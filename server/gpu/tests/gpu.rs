@@ -380,6 +380,28 @@ fn losing_the_device_is_an_error_everywhere_and_a_panic_nowhere() {
     assert_eq!(rebuilt.run(2.0).expect("runs")[1], 3.0);
 }
 
+const SLOW: &str = "
+@group(0) @binding(0) var<storage, read_write> result: array<u32>;
+@compute @workgroup_size(64)
+fn slow(@builtin(global_invocation_id) id: vec3u) {
+    var value = id.x;
+    for (var i = 0u; i < 20000u; i++) { value = value * 1664525u + 1013904223u; }
+    result[id.x % 64u] = value;
+}";
+
+#[test]
+fn work_that_does_not_end_in_time_counts_as_a_loss() {
+    let gpu = open(&GpuOptions { submission_limit: Some(Duration::from_millis(1)), ..GpuOptions::default() });
+    let kernel = gpu.kernel_from_source("slow", SLOW, Features::NONE).expect("compiles");
+    let result = gpu.buffer("result", MemoryKind::View, 256).expect("fits");
+    let mut graph = gpu.graph("hanging");
+    graph.pass(&kernel).read_write("result", &result).dispatch([1024, 1, 1]).expect("records");
+    let error = graph.submit().and_then(surfelcast_gpu::Submission::wait).expect_err("in time");
+    assert!(matches!(&error, GpuError::Timeout { graph, .. } if graph == "hanging"), "{error}");
+    assert!(gpu.is_lost() && error.is_device_lost());
+    assert!(matches!(gpu.buffer("late", MemoryKind::View, 16), Err(GpuError::DeviceLost { .. })));
+}
+
 #[test]
 fn losing_the_device_on_purpose_must_be_allowed() {
     let gpu = gpu();
