@@ -1,6 +1,7 @@
 //! Messages from the client to the server.
 
-use serde::{Deserialize, Serialize};
+use serde::de::value::{Error as ValueError, StrDeserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::settings::{Codec, LightPatch, Phase, Pose};
 
@@ -84,7 +85,8 @@ pub struct Hello {
 /// Abilities of a client.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Caps {
-    /// Codecs it decodes, best first.
+    /// Codecs it decodes, best first; those this version does not know are skipped.
+    #[serde(deserialize_with = "known_codecs")]
     pub codecs: Vec<Codec>,
     /// Largest picture it wants, pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,6 +97,13 @@ pub struct Caps {
     /// Prefers reduced motion.
     #[serde(default)]
     pub reduced_motion: bool,
+}
+
+/// Newer clients offer codecs of which this version has not heard; their other wishes still stand.
+fn known_codecs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Codec>, D::Error> {
+    let names = Vec::<String>::deserialize(deserializer)?;
+    let known = |name: String| Codec::deserialize(StrDeserializer::<ValueError>::new(&name)).ok();
+    Ok(names.into_iter().filter_map(known).collect())
 }
 
 /// Camera input.

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use serde_json::Value;
-use surfelcast_protocol::client::ClientEnvelope;
+use surfelcast_protocol::client::{ClientEnvelope, ClientMessage};
 use surfelcast_protocol::frame::{FrameError, FrameHeader, HEADER_BYTES, flags};
 use surfelcast_protocol::parse::{CLIENT_TYPES, ParseError, parse_client};
 use surfelcast_protocol::server::ServerMessage;
@@ -114,6 +114,11 @@ fn strangers_get_three_kinds_of_answers() {
             assert_eq!(kind, "pick");
             assert!(detail.contains('y'), "{detail}");
         }
+        other => panic!("{other:?}"),
+    }
+    let newer = r#"{"t":"hello","v":[1],"caps":{"codecs":["avif","png"]}}"#;
+    match parse_client(newer).map(|envelope| envelope.message) {
+        Ok(ClientMessage::Hello(hello)) => assert_eq!(hello.caps.codecs, [Codec::Png], "unknown codecs are skipped"),
         other => panic!("{other:?}"),
     }
     let extra = "{\"t\":\"ping\",\"ts\":1.5,\"new_field\":[1,2]}";

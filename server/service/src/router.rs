@@ -65,3 +65,31 @@ async fn wrong_method(methods: &'static [Method]) -> Response {
     let error = ApiError::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", detail);
     ([(header::ALLOW, allowed)], error).into_response()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use utoipa::OpenApi;
+
+    use super::*;
+
+    #[test]
+    fn the_api_description_and_the_routes_agree() {
+        let served: BTreeSet<(String, String)> = routes()
+            .iter()
+            .flat_map(|route| route.methods.iter().map(|method| (method.to_string(), route.path.to_owned())))
+            .collect();
+        let document = serde_json::to_value(openapi::ApiDoc::openapi()).expect("JSON");
+        assert!(document["openapi"].as_str().is_some_and(|version| version.starts_with("3.1")));
+        let paths = document["paths"].as_object().expect("paths");
+        let described: BTreeSet<(String, String)> = paths
+            .iter()
+            .flat_map(|(path, item)| {
+                let methods = item.as_object().expect("an item").keys();
+                methods.map(|method| (method.to_uppercase(), path.clone())).collect::<Vec<_>>()
+            })
+            .collect();
+        assert_eq!(served, described);
+    }
+}

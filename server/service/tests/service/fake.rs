@@ -1,0 +1,264 @@
+//! A renderer that answers at once with coloured pictures and remembers what it was told.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use surfelcast_renderer::scene::Camera;
+use surfelcast_renderer::status::TechniqueDescription;
+use surfelcast_renderer::{
+    Command, CommandReceiver, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot, JobProgress,
+    RayCounts, RenderJob, RenderOutput, RendererError, RendererHandle, RendererStatus, SessionKey, ViewKey, ViewState,
+};
+use tokio::sync::{oneshot, watch};
+
+/// What the renderer was told, in order; cameras by the x of their position.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Told {
+    OpenSession,
+    CloseSession,
+    OpenView,
+    CloseView,
+    View { input_seq: u32, x: f64, is_moving: bool },
+    Lights { scene_rev: u32, count: usize },
+    Render { seed: u64 },
+}
+
+/// How the fake behaves.
+#[derive(Clone, Debug)]
+pub(crate) struct Manners {
+    /// Time for a frame.
+    pub(crate) frame_time: Duration,
+    /// Time for a job.
+    pub(crate) job_time: Duration,
+    /// Samples at which a view has converged.
+    pub(crate) final_samples: u32,
+    /// Answer of `OpenSession`.
+    pub(crate) session_error: Option<RendererError>,
+    /// Answers of the first jobs, in order.
+    pub(crate) job_errors: Vec<RendererError>,
+}
+
+impl Default for Manners {
+    fn default() -> Self {
+        Self {
+            frame_time: Duration::from_millis(2),
+            job_time: Duration::from_millis(5),
+            final_samples: 64,
+            session_error: None,
+            job_errors: Vec::new(),
+        }
+    }
+}
+
+/// Test's end of the fake.
+#[derive(Clone, Debug)]
+pub(crate) struct Fake {
+    pub(crate) handle: RendererHandle,
+    pub(crate) status: watch::Sender<RendererStatus>,
+    log: Arc<std::sync::Mutex<Vec<Told>>>,
+}
+
+impl Fake {
+    pub(crate) fn start(manners: Manners) -> Self {
+        let (handle, commands, status) = RendererHandle::channel();
+        let path = TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased." };
+        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another." };
+        status.send_replace(RendererStatus {
+            state: DeviceState::Ready,
+            device: DeviceInfo { name: "fake".into(), ..DeviceInfo::default() },
+            techniques: vec![path, other],
+            ..RendererStatus::default()
+        });
+        let log = Arc::default();
+        let actor = Actor { manners, log: Arc::clone(&log), views: BTreeMap::new(), revisions: BTreeMap::new() };
+        tokio::spawn(actor.run(commands));
+        Self { handle, status, log }
+    }
+
+    pub(crate) fn told(&self) -> Vec<Told> {
+        self.log.lock().expect("not poisoned").clone()
+    }
+
+    pub(crate) fn count(&self, wanted: fn(&Told) -> bool) -> usize {
+        self.told().iter().filter(|told| wanted(told)).count()
+    }
+
+    pub(crate) fn set_state(&self, state: DeviceState) {
+        self.status.send_modify(|status| {
+            if status.state == DeviceState::Lost && state == DeviceState::Ready {
+                status.epoch += 1;
+            }
+            status.state = state;
+        });
+    }
+}
+
+struct View {
+    session: SessionKey,
+    state: ViewState,
+    slot: FrameSlot,
+    samples: u32,
+}
+
+struct Actor {
+    manners: Manners,
+    log: Arc<std::sync::Mutex<Vec<Told>>>,
+    views: BTreeMap<ViewKey, View>,
+    revisions: BTreeMap<SessionKey, u32>,
+}
+
+impl Actor {
+    async fn run(mut self, mut commands: CommandReceiver) {
+        loop {
+            let ready = self.views.iter().find(|(_, view)| self.is_due(view)).map(|(key, _)| *key);
+            tokio::select! {
+                command = commands.recv() => match command {
+                    None | Some(Command::Stop) => return,
+                    Some(command) => self.obey(command),
+                },
+                () = tokio::time::sleep(self.manners.frame_time), if ready.is_some() => {
+                    if let Some(key) = ready { self.render(key); }
+                }
+            }
+        }
+    }
+
+    fn is_due(&self, view: &View) -> bool {
+        view.slot.is_wanted() && !view.state.is_paused && view.samples < self.manners.final_samples
+    }
+
+    fn note(&self, told: Told) {
+        self.log.lock().expect("not poisoned").push(told);
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::OpenSession { session, reply, .. } => {
+                self.note(Told::OpenSession);
+                self.revisions.insert(session, 1);
+                let _ = reply.send(self.manners.session_error.clone().map_or(Ok(()), Err));
+            }
+            Command::CloseSession { .. } => self.note(Told::CloseSession),
+            Command::SetLights { session, lights, scene_rev } => {
+                self.note(Told::Lights { scene_rev, count: lights.punctual.len() });
+                self.revisions.insert(session, scene_rev);
+                self.views.values_mut().filter(|view| view.session == session).for_each(|view| view.samples = 0);
+            }
+            Command::OpenView { session, view, state, slot, reply } => {
+                self.note(Told::OpenView);
+                self.views.insert(view, View { session, state, slot, samples: 0 });
+                let _ = reply.send(Ok(()));
+            }
+            Command::UpdateView { view, state } => {
+                let x = state.camera.position.x;
+                self.note(Told::View { input_seq: state.input_seq, x, is_moving: state.is_moving });
+                if let Some(view) = self.views.get_mut(&view) {
+                    view.state = *state;
+                    view.samples = 0;
+                }
+            }
+            Command::CloseView { view } => {
+                self.note(Told::CloseView);
+                self.views.remove(&view);
+            }
+            Command::Pick { camera, reply, .. } => {
+                let picked =
+                    surfelcast_renderer::command::Picked { position: camera.position, object: "box".to_owned() };
+                let _ = reply.send(Ok(Some(picked)));
+            }
+            Command::Render { job, progress, cancel, reply } => {
+                self.note(Told::Render { seed: job.seed });
+                let error = (!self.manners.job_errors.is_empty()).then(|| self.manners.job_errors.remove(0));
+                tokio::spawn(render_job(*job, self.manners.job_time, error, progress, cancel, reply));
+            }
+            Command::Wake | Command::LoseDevice | Command::Stop => {}
+        }
+    }
+
+    fn render(&mut self, key: ViewKey) {
+        let final_samples = self.manners.final_samples;
+        let Some(view) = self.views.get_mut(&key) else { return };
+        let kind = if view.state.is_moving {
+            FrameKind::Moving
+        } else {
+            view.samples = (view.samples * 2).clamp(1, final_samples);
+            if view.samples == final_samples { FrameKind::Final } else { FrameKind::Still }
+        };
+        let scale = if kind == FrameKind::Moving { view.state.max_scale } else { 1.0 };
+        let size = view.state.size.map(|side| ((side as f32 * scale) as u32).max(1));
+        let frame = Frame {
+            pixels: noise(&view.state.camera, size).into(),
+            size,
+            full_size: view.state.size,
+            kind,
+            input_seq: view.state.input_seq,
+            scene_rev: self.revisions.get(&view.session).copied().unwrap_or(0),
+            samples: view.samples.max(1),
+            error: None,
+            render_secs: 0.002,
+            finished_at: Instant::now(),
+            passes: Vec::new(),
+            skipped: Vec::new(),
+        };
+        view.slot.put(Arc::new(frame));
+    }
+}
+
+/// Pixels that no codec makes small, so that bytes on the wire resemble those of a real picture.
+fn noise(camera: &Camera, size: [u32; 2]) -> Vec<u8> {
+    let mut state = camera.position.x.to_bits() | 1;
+    (0..size[0] * size[1])
+        .flat_map(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let bits = (state >> 33).to_le_bytes();
+            [bits[0], bits[1], bits[2], 255]
+        })
+        .collect()
+}
+
+async fn render_job(
+    job: RenderJob,
+    time: Duration,
+    error: Option<RendererError>,
+    progress: watch::Sender<JobProgress>,
+    mut cancel: watch::Receiver<bool>,
+    reply: oneshot::Sender<Result<RenderOutput, RendererError>>,
+) {
+    progress.send_replace(JobProgress { is_running: true, samples: 1, fraction: 0.25, error: None });
+    let canceled = async {
+        if cancel.wait_for(|cancel| *cancel).await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    };
+    let result = tokio::select! {
+        () = canceled => Err(RendererError::Canceled),
+        () = tokio::time::sleep(time) => error.map_or_else(|| Ok(output_of(&job)), Err),
+    };
+    let _ = reply.send(result);
+}
+
+fn output_of(job: &RenderJob) -> RenderOutput {
+    let count = job.size[0] as usize * job.size[1] as usize;
+    let mut state = job.seed | 1;
+    let pixels = (0..count)
+        .map(|_| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            [(state >> 40) as f32 / 16_777_216.0, 0.5, 0.25]
+        })
+        .collect();
+    RenderOutput {
+        pixels,
+        size: job.size,
+        samples: job.stop.samples.unwrap_or(16),
+        error: job.aov.is_none().then_some(ErrorEstimate { rmse_tonemapped: 0.0125, rel_mse: 0.5, std_error: 0.001 }),
+        rays: RayCounts::default(),
+        render_secs: 0.25,
+        setup_secs: 0.0,
+        passes: Vec::new(),
+        skipped: Vec::new(),
+        non_finite: 0,
+        memory_bytes: vec![("scene".into(), 1234)],
+        stopped_by: "samples",
+    }
+}

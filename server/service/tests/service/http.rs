@@ -1,0 +1,100 @@
+//! Health, metrics, the embedded client, and how errors look.
+
+use axum::body::Body;
+use axum::http::{Method, Request, StatusCode};
+use surfelcast_renderer::DeviceState;
+
+use crate::support::Service;
+
+#[tokio::test]
+async fn health_and_readiness_tell_different_things() {
+    let service = Service::start().await;
+    assert_eq!(service.get("/readyz").await.status, StatusCode::OK);
+    for (state, reason) in [
+        (DeviceState::Starting, "starting"),
+        (DeviceState::Lost, "device_lost"),
+        (DeviceState::Failed, "device_failed"),
+    ] {
+        service.fake.set_state(state);
+        let answer = service.get("/readyz").await;
+        assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::SERVICE_UNAVAILABLE, reason));
+        assert_eq!(service.get("/healthz").await.status, StatusCode::OK);
+    }
+}
+
+#[tokio::test]
+async fn metrics_and_version_are_readable() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    client.small().await;
+    client.until_final().await;
+    let text = String::from_utf8(service.get("/metrics").await.body).expect("text");
+    for name in [
+        "surfelcast_frames_total{stage=\"final\"}",
+        "surfelcast_frame_bytes_total",
+        "surfelcast_encode_seconds_bucket",
+        "surfelcast_round_trip_seconds_count",
+        "surfelcast_sessions 1",
+        "surfelcast_views 1",
+        "surfelcast_ready 1",
+        "surfelcast_device_lost_total",
+        "surfelcast_device_memory_used_bytes",
+    ] {
+        assert!(text.contains(name), "{name} is missing in\n{text}");
+    }
+    let version = service.get("/version").await.json();
+    assert_eq!(
+        (version["server"].as_str(), version["device"]["name"].as_str()),
+        (Some("surfelcast/test"), Some("fake"))
+    );
+}
+
+#[tokio::test]
+async fn every_error_is_a_problem_document() {
+    let service = Service::start().await;
+    let scene = format!("/v1/scenes/{}", service.scene_id());
+    let cases: [(Method, &str, u16); 14] = [
+        (Method::GET, "/nothing", 404),
+        (Method::GET, "/v1/scenes/sha256:00", 404),
+        (Method::GET, "/v1/scenes/..%2f..%2fetc%2fpasswd", 404),
+        (Method::GET, "/v1/renders/none", 404),
+        (Method::GET, "/v1/renders/none/image", 404),
+        (Method::POST, "/v1/renders/none/cancel", 404),
+        (Method::DELETE, "/v1/renders/none", 404),
+        (Method::DELETE, "/v1/scenes/none", 404),
+        (Method::DELETE, &scene, 409),
+        (Method::POST, "/v1/renders", 415),
+        (Method::POST, "/v1/scenes", 415),
+        (Method::PUT, "/v1/scenes", 405),
+        (Method::GET, "/assets/no/such/file.js", 404),
+        (Method::GET, "/v1/sessions/0011223344556677/stream", 400),
+    ];
+    for (method, path, status) in cases {
+        let request = Request::builder().method(&method).uri(path).header("host", "localhost");
+        let answer = service.ask(request.body(Body::empty()).expect("a request")).await;
+        assert_eq!(answer.status.as_u16(), status, "{method} {path}");
+        answer.problem();
+    }
+    let foreign = Request::get("/v1/scenes").header("host", "evil.example").body(Body::empty()).expect("a request");
+    let answer = service.ask(foreign).await;
+    assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::FORBIDDEN, "host_not_allowed"));
+}
+
+#[tokio::test]
+async fn the_client_is_embedded_and_fenced_in() {
+    let service = Service::start().await;
+    let page = service.get("/").await;
+    assert_eq!((page.status, page.header("content-type")), (StatusCode::OK, "text/html; charset=utf-8"));
+    assert_eq!(page.header("x-content-type-options"), "nosniff");
+    let policy = page.header("content-security-policy");
+    for part in ["default-src 'self'", "script-src 'self'", "frame-ancestors 'self'", "object-src 'none'"] {
+        assert!(policy.contains(part), "{policy}");
+    }
+    assert!(!policy.contains("unsafe"), "{policy}");
+    let known = Request::get("/").header("host", "localhost").header("if-none-match", page.header("etag"));
+    let again = service.ask(known.body(Body::empty()).expect("a request")).await;
+    assert_eq!((again.status, again.body.len()), (StatusCode::NOT_MODIFIED, 0));
+    for path in ["package.json", "node_modules/playwright-core/package.json", "tests/page.test.js", "../Cargo.toml"] {
+        assert_eq!(service.get(&format!("/assets/{path}")).await.status, StatusCode::NOT_FOUND, "{path}");
+    }
+}

@@ -1,0 +1,252 @@
+//! Renders over HTTP: the picture, its job, its tag, and doing things once.
+
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::http::{Request, StatusCode};
+use serde_json::{Value, json};
+use surfelcast_renderer::{DeviceState, RendererError};
+
+use crate::fake::{Manners, Told};
+use crate::support::{Answer, Service};
+
+fn body(service: &Service, more: Value) -> String {
+    let mut body = json!({"scene": service.scene_id(), "width": 32, "height": 24, "samples_per_pixel": 4});
+    body.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+    body.to_string()
+}
+
+async fn render(service: &Service, headers: &[(&str, &str)], more: Value) -> Answer {
+    let headers: Vec<(&str, &str)> =
+        [("content-type", "application/json")].into_iter().chain(headers.iter().copied()).collect();
+    service.post("/v1/renders", &headers, body(service, more)).await
+}
+
+fn renders(service: &Service) -> usize {
+    service.fake.count(|told| matches!(told, Told::Render { .. }))
+}
+
+#[tokio::test]
+async fn a_picture_at_once_in_every_format() {
+    let service = Service::start().await;
+    for (accept, mime) in [
+        ("image/png", "image/png"),
+        ("image/jpeg", "image/jpeg"),
+        ("image/avif, image/webp;q=0.5", "image/webp"),
+        ("image/x-exr", "image/x-exr"),
+        ("*/*", "image/png"),
+    ] {
+        let answer = render(&service, &[("accept", accept), ("prefer", "wait=10")], json!({})).await;
+        assert_eq!((answer.status, answer.header("content-type")), (StatusCode::OK, mime), "{accept}");
+        assert_eq!(answer.header("surfelcast-error-rmse"), "0.0125");
+        assert_eq!(answer.header("surfelcast-samples"), "4");
+        assert_eq!(answer.header("surfelcast-render-secs"), "0.25");
+        assert_eq!((answer.header("vary"), answer.header("preference-applied")), ("Accept", "wait=10"));
+        if mime != "image/x-exr" {
+            let image = image::load_from_memory(&answer.body).expect("decodes");
+            assert_eq!((image.width(), image.height()), (32, 24));
+        }
+    }
+    assert_eq!(renders(&service), 1, "one render serves all formats");
+}
+
+#[tokio::test]
+async fn equal_requests_give_equal_bytes_and_one_render() {
+    let service = Service::start().await;
+    let ask = || render(&service, &[("accept", "image/png"), ("prefer", "wait=10")], json!({"seed": 7}));
+    let (first, second) = tokio::join!(ask(), ask());
+    assert_eq!((first.status, &first.body), (StatusCode::OK, &second.body));
+    assert_eq!(first.header("etag"), second.header("etag"));
+    assert_eq!(renders(&service), 1);
+    let path = first.header("content-location").to_owned();
+    let get = |headers: Vec<(&'static str, String)>| {
+        let mut request = Request::get(&path).header("host", "localhost").header("accept", "image/png");
+        for (name, value) in headers {
+            request = request.header(name, value);
+        }
+        service.ask(request.body(Body::empty()).expect("a request"))
+    };
+    assert_eq!(get(vec![]).await.body, first.body);
+    let known = get(vec![("if-none-match", first.header("etag").to_owned())]).await;
+    assert_eq!((known.status, known.body.len()), (StatusCode::NOT_MODIFIED, 0));
+    assert_eq!(known.header("etag"), first.header("etag"));
+    assert_eq!(get(vec![("if-none-match", "\"other\"".to_owned())]).await.status, StatusCode::OK);
+    for (field, value) in [
+        ("seed", json!(8)),
+        ("exposure", json!(2.0)),
+        ("samples_per_pixel", json!(5)),
+        ("technique", json!("other")),
+        ("materials", json!("lambert")),
+        ("width", json!(33)),
+        ("camera", json!({"position": [0, 0, 9], "target": [0, 0, 0], "vfov_deg": 30})),
+    ] {
+        let headers = [("accept", "image/png"), ("prefer", "wait=10")];
+        let mut more = json!({"seed": 7});
+        more[field] = value;
+        let other = render(&service, &headers, more).await;
+        assert_eq!(other.status, StatusCode::OK, "{other:?}");
+        assert_ne!(other.header("etag"), first.header("etag"), "{field} is part of the tag");
+    }
+}
+
+#[tokio::test]
+async fn a_job_can_be_followed_and_fetched() {
+    let manners = Manners { job_time: Duration::from_millis(150), ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    let accepted = render(&service, &[], json!({})).await;
+    assert_eq!(accepted.status, StatusCode::ACCEPTED);
+    let location = accepted.header("location").to_owned();
+    assert!(!accepted.header("retry-after").is_empty());
+    let early = service.get(&format!("{location}/image")).await;
+    assert_eq!((early.status, early.problem().as_str()), (StatusCode::CONFLICT, "not_ready"));
+    let running = service.get(&location).await;
+    assert_eq!((running.json()["status"].as_str(), running.json()["progress"].as_f64()), (Some("running"), Some(0.25)));
+    assert!(!running.header("retry-after").is_empty());
+    let waited = render(&service, &[("prefer", "wait=10"), ("accept", "application/json")], json!({})).await;
+    assert_eq!(waited.json()["status"], "succeeded");
+    let done = service.get(&location).await.json();
+    assert_eq!((done["status"].as_str(), done["samples"].as_u64()), (Some("succeeded"), Some(4)));
+    assert_eq!(done["result"]["memory_bytes"]["scene"], 1234);
+    assert_eq!(service.get(&format!("{location}/image")).await.status, StatusCode::OK);
+    let delete = Request::delete(&location).header("host", "localhost").body(Body::empty()).expect("a request");
+    assert_eq!(service.ask(delete).await.status, StatusCode::NO_CONTENT);
+    assert_eq!(service.get(&location).await.status, StatusCode::NOT_FOUND);
+    assert_eq!(renders(&service), 1);
+}
+
+#[tokio::test]
+async fn waiting_is_bounded_by_the_request() {
+    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    let answer = render(&service, &[("prefer", "wait=0"), ("accept", "image/png")], json!({})).await;
+    assert_eq!(answer.status, StatusCode::ACCEPTED);
+    assert_eq!(answer.json()["image"], format!("{}/image", answer.header("location")));
+}
+
+#[tokio::test]
+async fn cancel_stops_the_renderer() {
+    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    let location = render(&service, &[], json!({})).await.header("location").to_owned();
+    let canceled = service.post(&format!("{location}/cancel"), &[], "").await;
+    assert_eq!((canceled.status, canceled.json()["status"].as_str()), (StatusCode::ACCEPTED, Some("canceled")));
+    assert_eq!(service.get(&format!("{location}/image")).await.problem(), "render_canceled");
+    // An equal request after a cancel is work of its own.
+    let again = render(&service, &[], json!({})).await;
+    assert_ne!(again.header("location"), location);
+    assert_eq!(renders(&service), 2);
+}
+
+#[tokio::test]
+async fn unacceptable_answers_are_refused_before_the_work() {
+    let service = Service::start().await;
+    let answer = render(&service, &[("accept", "image/avif"), ("prefer", "wait=5")], json!({})).await;
+    assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::NOT_ACCEPTABLE, "not_acceptable"));
+    let data = render(&service, &[("accept", "image/png"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
+    assert_eq!(data.status, StatusCode::NOT_ACCEPTABLE, "depth is no picture");
+    assert_eq!(renders(&service), 0);
+    let exr = render(&service, &[("accept", "image/x-exr"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
+    assert_eq!((exr.status, exr.header("surfelcast-error-rmse")), (StatusCode::OK, ""));
+}
+
+#[tokio::test]
+async fn bad_requests_name_the_field() {
+    let service = Service::start().await;
+    for (more, status, field) in [
+        (json!({"spp": 4}), 400, "spp"),
+        (json!({"width": 0}), 422, "width"),
+        (json!({"width": 16384, "height": 16384}), 422, "width"),
+        (json!({"height": null}), 422, "width"),
+        (json!({"technique": "warp"}), 422, "technique"),
+        (json!({"reconstruction": "poisson"}), 422, "reconstruction"),
+        (json!({"camera_name": "nobody"}), 422, "camera_name"),
+        (json!({"camera": {"position": [0, 0, 0], "target": [0, 0, 0], "vfov_deg": 40}}), 422, "camera"),
+    ] {
+        let answer = render(&service, &[], more).await;
+        assert_eq!(answer.status.as_u16(), status, "{field}");
+        answer.problem();
+        let detail = answer.json()["detail"].as_str().expect("text").to_owned();
+        assert!(detail.starts_with(field), "{detail}");
+    }
+    let unknown = service.post("/v1/renders", &[("content-type", "application/json")], r#"{"scene":"sha256:0"}"#).await;
+    assert_eq!(unknown.status, StatusCode::NOT_FOUND);
+    let long = format!("{{\"scene\":\"{}\"}}", "x".repeat(100_000));
+    let long = service.post("/v1/renders", &[("content-type", "application/json")], long).await;
+    assert_eq!(long.status, StatusCode::PAYLOAD_TOO_LARGE);
+    assert_eq!(renders(&service), 0);
+}
+
+#[tokio::test]
+async fn the_queue_is_bounded() {
+    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let service = Service::with(manners, |c| c.bounds.active_renders = 2).await;
+    for seed in 0..2 {
+        assert_eq!(render(&service, &[], json!({"seed": seed})).await.status, StatusCode::ACCEPTED);
+    }
+    let full = render(&service, &[], json!({"seed": 2})).await;
+    assert_eq!((full.status, full.problem().as_str()), (StatusCode::TOO_MANY_REQUESTS, "render_queue_full"));
+    assert!(!full.header("retry-after").is_empty());
+    assert_eq!(service.get("/readyz").await.problem(), "queue_full");
+    assert_eq!(render(&service, &[], json!({"seed": 1})).await.status, StatusCode::ACCEPTED, "equal to a running one");
+}
+
+#[tokio::test]
+async fn finished_renders_are_dropped_by_bytes_oldest_first() {
+    let bytes = 32 * 24 * 12;
+    let service = Service::with(Manners::default(), |c| c.bounds.render_cache_bytes = bytes * 5 / 2).await;
+    let mut locations = Vec::new();
+    for seed in 0..4 {
+        let headers = [("prefer", "wait=10"), ("accept", "application/json")];
+        let answer = render(&service, &headers, json!({"seed": seed})).await;
+        locations.push(format!("/v1/renders/{}", answer.json()["id"].as_str().expect("an id")));
+        // The first is used again and again, so others go before it.
+        assert_eq!(service.get(&locations[0]).await.status, StatusCode::OK);
+    }
+    let mut kept = Vec::new();
+    for location in &locations {
+        kept.push(service.get(location).await.status == StatusCode::OK);
+    }
+    assert_eq!(kept, [true, false, false, true]);
+}
+
+#[tokio::test]
+async fn failures_have_their_status() {
+    let no_memory = RendererError::NoMemory { needed: 10, free: 5 };
+    let too_large = RendererError::SceneTooLarge { field: "triangles".into(), needed: 10, limit: 5 };
+    let lost = RendererError::DeviceLost;
+    let manners = Manners { job_errors: vec![no_memory, too_large, lost.clone()], ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    let ask = |seed: u64| render(&service, &[("prefer", "wait=10"), ("accept", "image/png")], json!({"seed": seed}));
+    let answer = ask(1).await;
+    assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::SERVICE_UNAVAILABLE, "gpu_memory"));
+    assert!(!answer.header("retry-after").is_empty());
+    let answer = ask(2).await;
+    assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::UNPROCESSABLE_ENTITY, "scene_too_large"));
+    assert_eq!(ask(3).await.status, StatusCode::OK, "sent once more after a lost device");
+    assert_eq!(ask(1).await.status, StatusCode::OK, "failures are not remembered");
+    service.fake.set_state(DeviceState::Lost);
+    assert_eq!(ask(9).await.problem(), "no_device");
+}
+
+#[tokio::test]
+async fn idempotency_keys() {
+    let manners = Manners { job_time: Duration::from_millis(300), ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    // A deadline keeps equal requests apart only by their key: the cache would merge them otherwise.
+    let ask = |wait: &'static str, seed: u64| {
+        let headers = vec![("idempotency-key", "abc"), ("prefer", wait), ("accept", "application/json")];
+        let service = &service;
+        async move { render(service, &headers, json!({"seed": seed})).await }
+    };
+    let (first, during) = tokio::join!(ask("wait=10", 1), async {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        ask("wait=10", 1).await
+    });
+    assert_eq!(first.json()["status"], "succeeded");
+    assert_eq!((during.status, during.problem().as_str()), (StatusCode::CONFLICT, "idempotency_in_flight"));
+    let repeat = ask("wait=10", 1).await;
+    assert_eq!(repeat.json()["id"], first.json()["id"]);
+    let other = ask("wait=10", 2).await;
+    assert_eq!((other.status, other.problem().as_str()), (StatusCode::UNPROCESSABLE_ENTITY, "idempotency_mismatch"));
+    assert_eq!(renders(&service), 1);
+}

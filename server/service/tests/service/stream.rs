@@ -1,0 +1,223 @@
+//! A well-behaved client: what it sees, and in what order.
+
+use std::time::Duration;
+
+use serde_json::json;
+use surfelcast_protocol::frame::flags;
+use surfelcast_protocol::settings::Codec;
+
+use crate::fake::{Manners, Told};
+use crate::support::{Got, Service};
+
+const QUIET: Duration = Duration::from_millis(400);
+
+#[tokio::test]
+async fn from_hello_to_converged_and_then_nothing() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    let welcome = client.welcome.clone();
+    assert_eq!(
+        (welcome["v"].as_u64(), welcome["session"]["scene"].as_str()),
+        (Some(1), Some(service.scene_id().as_str()))
+    );
+    assert_eq!(welcome["session"]["id"], service.session());
+    assert_eq!((welcome["techniques"][0]["id"].as_str(), welcome["device"].as_str()), (Some("path"), Some("fake")));
+    assert!(!welcome["cameras"].as_array().expect("cameras").is_empty() && welcome["grace_ms"] == 120_000);
+    assert_eq!(welcome["resume_token"].as_str().map(str::len), Some(32));
+    client.small().await;
+    let frames = client.until_final().await;
+    let spp: Vec<u16> = frames.iter().map(|(header, _)| header.spp).collect();
+    assert_eq!(spp, [1, 4, 16, 64], "stills at growing sample counts");
+    for (i, (header, payload)) in frames.iter().enumerate() {
+        assert_eq!(
+            (header.frame_seq, header.view, header.rect, header.full_size),
+            (i as u32 + 1, 0, [0, 0, 64, 48], [64, 48])
+        );
+        let picture = image::load_from_memory(payload).expect("decodes");
+        assert_eq!((picture.width(), picture.height()), (64, 48));
+        let is_last = header.spp == 64;
+        assert_eq!(header.codec, if is_last { Codec::Webp } else { Codec::Jpeg });
+        assert_eq!(header.flags & (flags::STILL | flags::KEYFRAME), flags::STILL | flags::KEYFRAME);
+        assert_eq!(header.flags & flags::LOSSLESS != 0, is_last);
+    }
+    let stats = client.text("stats").await;
+    assert_eq!((stats["converged"].as_bool(), stats["samples"].as_u64()), (Some(true), Some(64)));
+    client.silence(Duration::from_millis(1500)).await;
+}
+
+#[tokio::test]
+async fn moving_is_fast_and_lossy_then_it_settles_on_the_last_input() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    client.small().await;
+    client.until_final().await;
+    let mut last = client.look_from(1.0, "start").await;
+    for i in 2..20 {
+        last = client.look_from(f64::from(i), "move").await;
+        let (header, _) = client.frame().await;
+        assert_eq!((header.codec, header.flags & flags::STILL), (Codec::Jpeg, 0), "moving frames");
+        assert!(header.quality <= 80 && header.input_seq <= last);
+    }
+    last = client.look_from(20.0, "end").await.max(last);
+    let frames = client.until_final().await;
+    let (header, _) = frames.last().expect("frames");
+    assert_eq!((header.input_seq, header.spp), (last, 64), "the end of a gesture is never lost");
+    let told = service.fake.told();
+    let resting = Told::View { input_seq: last, x: 20.0, is_moving: false };
+    assert!(told.contains(&resting), "{told:?}");
+}
+
+#[tokio::test]
+async fn cameras_are_private_and_lights_are_shared() {
+    let service = Service::start().await;
+    let mut one = service.client().await;
+    let mut two = service.client().await;
+    for client in [&mut one, &mut two] {
+        client.small().await;
+        client.until_final().await;
+        client.text("stats").await;
+    }
+    one.look_from(3.0, "end").await;
+    one.until_final().await;
+    two.silence(QUIET).await;
+    let lamp = json!({"id": 0, "name": "Lamp\u{202e}", "kind": "point", "position": [0, 1, 0], "direction": [0, -1, 0],
+        "color": [1, 1, 1], "intensity": 5});
+    one.send(json!({"id": 7, "t": "light", "seq": 9, "patch": {"add": lamp}, "phase": "end"})).await;
+    assert_eq!(one.text("ok").await["re"], 7);
+    let lights = two.text("lights").await;
+    assert_eq!((lights["scene_rev"].as_u64(), lights["lights"][0]["name"].as_str()), (Some(2), Some("Lamp")));
+    let frames = two.until_final().await;
+    assert!(frames.iter().all(|(header, _)| header.scene_rev == 2), "frames say which lights they show");
+    let frames = one.until_final().await;
+    assert_eq!(frames.last().map(|(header, _)| (header.input_seq, header.scene_rev)), Some((9, 2)));
+    // The renderer hears of lights before any view that claims to show them.
+    let told = service.fake.told();
+    let lights_at = told.iter().position(|t| *t == Told::Lights { scene_rev: 2, count: 1 }).expect("told");
+    let view_at = told.iter().position(|t| matches!(t, Told::View { input_seq: 9, .. })).expect("told");
+    assert!(lights_at < view_at, "{told:?}");
+    // Someone who comes later sees the same lights.
+    let mut three = service.connect().await;
+    three.send(json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}})).await;
+    assert_eq!(three.text("lights").await["lights"].as_array().map(Vec::len), Some(1));
+    one.send(json!({"id": 8, "t": "light", "seq": 10, "patch": {"remove": 77}, "phase": "end"})).await;
+    let error = one.text("error").await;
+    assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(8), Some("invalid_value")));
+    assert!(error["detail"].as_str().expect("text").starts_with("patch.remove"));
+}
+
+#[tokio::test]
+async fn picks_answer_for_the_picture_that_was_seen() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    client.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
+    assert_eq!(client.text("error").await["code"], "no_frame");
+    client.small().await;
+    client.until_final().await;
+    client.look_from(3.0, "end").await;
+    client.until_final().await;
+    // The camera moves on, but no frame of it is acknowledged yet.
+    client.look_from(8.0, "end").await;
+    client.send(json!({"id": 2, "t": "pick", "x": 0.5, "y": 0.5})).await;
+    let picked = client.text("picked").await;
+    assert_eq!((picked["re"].as_u64(), picked["position"][0].as_f64()), (Some(2), Some(3.0)));
+    assert_eq!(picked["object"], "box");
+    client.send(json!({"id": 3, "t": "pick", "x": 1.5, "y": 0.5})).await;
+    assert_eq!(client.text("error").await["re"], 3);
+}
+
+#[tokio::test]
+async fn only_what_the_client_offers_is_sent() {
+    let service = Service::start().await;
+    let mut client = service.connect().await;
+    // Codecs of the future are skipped, not refused.
+    client.hello(json!(["avif", "png"])).await;
+    client.small().await;
+    for (header, _) in client.until_final().await {
+        assert_eq!(header.codec, Codec::Png);
+    }
+}
+
+#[tokio::test]
+async fn paused_views_cost_nothing() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    client.send(json!({"id": 1, "t": "view.set", "w": 64, "h": 48, "paused": true})).await;
+    client.text("ok").await;
+    client.look_from(2.0, "end").await;
+    client.silence(QUIET).await;
+    client.send(json!({"t": "view.set", "paused": false})).await;
+    let frames = client.until_final().await;
+    assert_eq!(frames.last().map(|(header, _)| header.input_seq), Some(1));
+}
+
+#[tokio::test]
+async fn stills_on_request_are_lossless_and_rare() {
+    let manners = Manners { final_samples: u32::MAX, ..Manners::default() };
+    let service = Service::with(manners, |_| {}).await;
+    let mut client = service.client().await;
+    client.small().await;
+    client.frame().await;
+    client.send(json!({"id": 5, "t": "still"})).await;
+    let mut is_lossless = false;
+    for _ in 0..50 {
+        match client.next().await {
+            Got::Frame(header, _) => {
+                is_lossless |= header.flags & flags::LOSSLESS != 0;
+                client.ack(header.frame_seq).await;
+            }
+            // Frames on their way may make it wait; a client asks again.
+            Got::Text(value) if value["code"] == "busy" => client.send(json!({"id": 5, "t": "still"})).await,
+            _ => {}
+        }
+        if is_lossless {
+            break;
+        }
+    }
+    assert!(is_lossless);
+    client.send(json!({"id": 6, "t": "still"})).await;
+    let error = client.text("error").await;
+    assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(6), Some("busy")));
+}
+
+#[tokio::test]
+async fn pings_are_answered_and_sent() {
+    let service = Service::with(Manners::default(), |c| c.timeouts.ping = Duration::from_millis(200)).await;
+    let mut client = service.client().await;
+    client.send(json!({"t": "ping", "ts": 12.5})).await;
+    let pong = client.text("pong").await;
+    assert_eq!(pong["ts"], 12.5);
+    assert!(pong["server_ms"].is_number());
+    for _ in 0..4 {
+        let ping = client.text("ping").await;
+        client.send(json!({"t": "pong", "ts": ping["ts"]})).await;
+    }
+    // Without a sign of life two pings are enough.
+    assert_eq!(client.close_code().await, 4408);
+}
+
+#[tokio::test]
+async fn settings_reach_the_renderer() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    for (bad, field) in [
+        (json!({"w": 0}), "w"),
+        (json!({"w": 4096, "h": 4096}), "w x h"),
+        (json!({"exposure": 0}), "exposure"),
+        (json!({"exposure": 1e300}), "exposure"),
+        (json!({"technique": "warp"}), "technique"),
+        (json!({"fps": 0}), "fps"),
+        (json!({"codec": "jpeg", "min_q": 90, "max_q": 10}), "min_q"),
+    ] {
+        let mut message = json!({"id": 1, "t": "view.set"});
+        message.as_object_mut().expect("an object").extend(bad.as_object().expect("an object").clone());
+        client.send(message).await;
+        let error = client.text("error").await;
+        assert!(error["detail"].as_str().expect("text").starts_with(field), "{error}");
+    }
+    let good =
+        json!({"id": 2, "t": "view.set", "w": 100, "h": 50, "technique": "other", "exposure": 2.5, "max_spp": 9});
+    client.send(good).await;
+    assert_eq!(client.text("ok").await["re"], 2);
+    let (header, _) = client.frame().await;
+    assert_eq!(header.full_size, [100, 50]);
+}
