@@ -5,15 +5,16 @@
 #![allow(clippy::print_stdout, reason = "a benchmark talks to its terminal")]
 
 use std::cell::RefCell;
+use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Result, ensure};
 use criterion::{Criterion, Throughput};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions, Kernel, MemoryKind};
-use surfelcast_scene::trace::closest_hit;
-use surfelcast_scene::{LoadOptions, Scene, SceneGeometry, load_file};
+use surfelcast_scene::trace::{Hit, closest_hit};
+use surfelcast_scene::{LoadOptions, Scene, SceneGeometry, ViewFile, demo, load_bytes, load_file};
 use surfelcast_shaders::{Feature, Features};
 use surfelcast_techniques::SceneBuffers;
 use surfelcast_tests::accuracy::{replace_between_markers, shared_folder};
@@ -83,14 +84,25 @@ impl Tracer {
 }
 
 /// Traces all rays once on every core.
-fn trace_on_cpu(geometry: &SceneGeometry, rays: &[Ray]) -> Vec<Option<(f32, u32)>> {
+fn trace_on_cpu(geometry: &SceneGeometry, rays: &[Ray]) -> Vec<Option<Hit>> {
     rays.par_iter()
         .with_min_len(256)
-        .map(|[start, direction]| {
-            let hit = closest_hit(geometry, start.truncate(), direction.truncate(), 0.0, start.w)?;
-            Some((hit.t, hit.bvh_triangle))
-        })
+        .map(|[start, direction]| closest_hit(geometry, start.truncate(), direction.truncate(), 0.0, start.w))
         .collect()
+}
+
+/// Corners of the triangle that was hit, in scene space.
+fn corners(geometry: &SceneGeometry, hit: &Hit) -> [Vec3; 3] {
+    let triangle = &geometry.bvh_triangles[hit.bvh_triangle as usize];
+    let rows = geometry.instances[hit.instance as usize].scene_from_object.map(Vec4::from);
+    [triangle.v0, triangle.v1, triangle.v2].map(|corner| {
+        let corner = Vec3::from(corner);
+        if geometry.baked_instance == Some(hit.instance) {
+            corner
+        } else {
+            Vec3::from_array(rows.map(|row| row.dot(corner.extend(1.0))))
+        }
+    })
 }
 
 /// Rays through pixel centres, in tiles of 8 by 8 so that neighbours in the batch are neighbours in the picture.
@@ -115,8 +127,7 @@ fn camera_rays(scene: &Scene) -> Vec<Ray> {
 }
 
 /// One cosine-distributed ray from each hit of the camera rays.
-fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<(f32, u32)>]) -> Vec<Ray> {
-    let geometry = &scene.geometry;
+fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) -> Vec<Ray> {
     let radius = scene.bounds.radius();
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = move || {
@@ -129,9 +140,8 @@ fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<(f32, u32)>]) -> Vec<
     };
     let mut found = Vec::new();
     for ([start, direction], hit) in rays.iter().zip(hits) {
-        let Some((t, triangle)) = hit else { continue };
-        let triangle = &geometry.bvh_triangles[*triangle as usize];
-        let [v0, v1, v2] = [triangle.v0, triangle.v1, triangle.v2].map(Vec3::from);
+        let Some(hit) = hit else { continue };
+        let [v0, v1, v2] = corners(&scene.geometry, hit);
         let (origin, direction) = (start.truncate(), direction.truncate());
         let normal = (v1 - v0).cross(v2 - v0).normalize_or(-direction);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
@@ -140,16 +150,16 @@ fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<(f32, u32)>]) -> Vec<
         let wi = tangent * (radius_squared.sqrt() * angle.cos())
             + bitangent * (radius_squared.sqrt() * angle.sin())
             + normal * (1.0 - radius_squared).sqrt();
-        found.push([(origin + direction * *t + normal * (1e-5 * radius)).extend(f32::MAX), wi.extend(0.0)]);
+        found.push([(origin + direction * hit.t + normal * (1e-5 * radius)).extend(f32::MAX), wi.extend(0.0)]);
     }
     found
 }
 
 /// Both sides must agree, or the race is not the same race. Ties at shared edges may fall either way.
-fn check_agreement(cpu: &[Option<(f32, u32)>], gpu: &[[u32; 2]]) -> Result<()> {
-    let differs = |(cpu, gpu): (&Option<(f32, u32)>, &[u32; 2])| match cpu {
+fn check_agreement(cpu: &[Option<Hit>], gpu: &[[u32; 2]]) -> Result<()> {
+    let differs = |(cpu, gpu): (&Option<Hit>, &[u32; 2])| match cpu {
         None => gpu[1] != NO_HIT,
-        Some((t, _)) => gpu[1] == NO_HIT || (f32::from_bits(gpu[0]) - t).abs() > 1e-3 * t.abs(),
+        Some(hit) => gpu[1] == NO_HIT || (f32::from_bits(gpu[0]) - hit.t).abs() > 1e-3 * hit.t.abs(),
     };
     let count = cpu.iter().zip(gpu).filter(|pair| differs(*pair)).count();
     ensure!(count * 10_000 <= cpu.len(), "{count} of {} rays hit something else on the GPU", cpu.len());
@@ -184,8 +194,6 @@ fn race(criterion: &mut Criterion, name: &str, count: usize, mut once: impl FnMu
 fn run_scene(criterion: &mut Criterion, gpu: &Gpu, name: &str, scene: &Scene) -> Result<String> {
     let camera = camera_rays(scene);
     let camera_hits = trace_on_cpu(&scene.geometry, &camera);
-    // Second rays start on baked geometry, whose triangles are in scene space.
-    ensure!(!scene.summary.has_instances, "{name} has instances; the benchmark wants baked geometry");
     let cosine = cosine_rays(scene, &camera, &camera_hits);
     ensure!(!cosine.is_empty(), "the first camera of {name} sees nothing");
     let mut rows = String::new();
@@ -202,11 +210,12 @@ fn run_scene(criterion: &mut Criterion, gpu: &Gpu, name: &str, scene: &Scene) ->
             std::hint::black_box(trace_on_cpu(&scene.geometry, &rays));
             start.elapsed()
         });
-        rows += &format!(
-            "| {name} | {kind} | {} | {on_gpu:.2} | {on_cpu:.2} | {:.2} |\n",
+        writeln!(
+            rows,
+            "| {name} | {kind} | {} | {on_gpu:.2} | {on_cpu:.2} | {:.2} |",
             scene.geometry.bvh_triangles.len(),
             on_gpu / on_cpu
-        );
+        )?;
     }
     Ok(rows)
 }
@@ -218,18 +227,22 @@ fn main() -> Result<()> {
         .warm_up_time(Duration::from_secs(1))
         .measurement_time(Duration::from_secs(4))
         .configure_from_args();
-    let shared = shared_folder().context(
-        "no scenes: set SURFELCAST_SHARED to a folder with scenes/, or put it beside the repository as shared/",
-    )?;
     let mut table = format!(
         "{} ({}), {} threads\n\n| scene | rays | triangles | GPU, Mrays/s | CPU, Mrays/s | ratio |\n|---|---|---|---|---|---|\n",
         gpu.info().name,
         gpu.info().driver,
         rayon::current_num_threads()
     );
-    for name in ["cornell_glossy", "terrain", "sponza"] {
-        let scene = load_file(&shared.join(format!("scenes/{name}.glb")), &LoadOptions::default())?;
-        table += &run_scene(&mut criterion, &gpu, name, &scene)?;
+    for demo in demo::scenes() {
+        let options = LoadOptions { view: Some(ViewFile::parse(demo.view.as_bytes())?), ..LoadOptions::default() };
+        let scene = load_bytes(&demo.glb, demo.name, &options)?;
+        table += &run_scene(&mut criterion, &gpu, demo.name, &scene)?;
+    }
+    if let Some(shared) = shared_folder() {
+        for name in ["terrain", "sponza"] {
+            let scene = load_file(&shared.join(format!("scenes/{name}.glb")), &LoadOptions::default())?;
+            table += &run_scene(&mut criterion, &gpu, name, &scene)?;
+        }
     }
     criterion.final_summary();
     println!("\n{table}");

@@ -2,6 +2,7 @@
 //!
 //! Few samples suffice here: the gate compares with the noise that two seeds show, so a missing factor, a wrong density or
 //! a lost light stands out however noisy the picture is. `make bench-accuracy` does the same with many samples.
+#![allow(clippy::print_stdout, reason = "a test says what it measured, and why it skipped")]
 
 use anyhow::{Context as _, Result, ensure};
 use surfelcast_tests::accuracy::{Mode, Point, Reference, Renderer, shared_folder};
