@@ -136,9 +136,9 @@ test('exposure changes the picture', async () => {
 
 test('a double click focuses on a surface', async () => {
   const before = traffic.received.length;
+  const inputs = lastInput();
   const { x, y } = await centre(page);
   await page.mouse.dblclick(x - 30, y + 20);
-  const inputs = lastInput();
   const answer = await until('the answer', () => traffic.received.slice(before).find((text) => text.includes('"picked"')), SLOW_MS);
   assert.equal(JSON.parse(answer).position?.length, 3);
   await until('the camera turns there', () => lastInput() > inputs);
