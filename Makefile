@@ -13,7 +13,6 @@ SHELL := /bin/bash
 ARGS ?=
 CARGO ?= cargo
 SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
-DOCS_CAMERAS ?= main
 DOCS_SPP ?= 512
 
 .PHONY: help
@@ -58,9 +57,9 @@ bench-accuracy: build ## Error of every reference camera, written into BENCHMARK
 .PHONY: docs-images
 docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/
 	cd tests/browser && node docs-images.js
-	for camera in $(DOCS_CAMERAS); do \
-		$(SURFELCAST) render demo:interior --camera $$camera --size 960x540 --spp $(DOCS_SPP) --output docs/interior-$$camera.jpg || exit 1; \
-	done
+	$(SURFELCAST) render demo:interior --camera "living room" --size 960x540 --spp $(DOCS_SPP) --output docs/living-room.jpg
+	$(SURFELCAST) render demo:interior --camera kitchen --size 960x540 --spp $(DOCS_SPP) --output docs/kitchen.jpg
+	$(SURFELCAST) render demo:interior --camera "still life" --size 960x540 --spp $(DOCS_SPP) --output docs/still-life.jpg
 	$(SURFELCAST) render demo:cornell_box --size 512x512 --spp $(DOCS_SPP) --output docs/cornell-box.jpg
 
 .PHONY: deny
