@@ -17,7 +17,7 @@ use surfelcast_techniques::{LightBuffers, LightState, SceneBuffers};
 use crate::device;
 use crate::statistics::{Suite, chi_square, mean_and_error};
 
-const COUNT: u32 = 1 << 17;
+const COUNT: u32 = 1 << 19;
 
 mod records {
     surfelcast_shaders::gpu_structs! {
@@ -317,10 +317,17 @@ fn an_environment_image_gives_its_irradiance_and_its_density_is_what_is_drawn() 
     assert!((sum - 1.0).abs() < 5e-3, "the density integrates to {sum}");
     let mut observed = vec![0.0; expected.len()];
     let drawn = bench.draw(Vec3::ZERO, COUNT, 0);
+    let mut at_poles = 0;
     for draw in &drawn {
-        assert!(draw.is_valid == 1 && (draw.pdf - draw.other_pdf).abs() <= 1e-3 * draw.pdf, "{draw:?}");
+        // Exactly at a pole the image has no area, and the density no value.
+        if draw.is_valid == 0 {
+            at_poles += 1;
+            continue;
+        }
+        assert!((draw.pdf - draw.other_pdf).abs() <= 1e-3 * draw.pdf, "{draw:?}");
         observed[environment_texel(size, Vec3::from_array(draw.direction))] += 1.0;
     }
+    assert!(at_poles <= 4, "{at_poles} draws came to nothing");
     for value in &mut expected {
         *value *= f64::from(COUNT) / sum;
     }

@@ -111,7 +111,7 @@ fn one_hierarchy_gives_the_same_hits() {
 
 #[test]
 fn two_levels_give_the_same_hits() {
-    let scene = soup(500, 1.0, true);
+    let scene = soup(6000, 1.0, true);
     assert!(scene.summary.has_instances);
     compare(&scene, Features::NONE.with(Feature::Instances));
 }
