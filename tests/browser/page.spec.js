@@ -118,7 +118,7 @@ test('the description of the HTTP interface reads as a page', onStage(
   async ({ page }) => {
     await page.getByRole('heading', { name: /POST \/v1\/scenes/ }).waitFor();
     const text = await page.locator('main').innerText();
-    assert.match(text, /Uploads a scene/);
+    assert.match(text, /Uploads a scene\n/, 'backticks have become code');
     assert.match(text, /model\/gltf-binary/);
     assert.match(text, /triangle_count/);
     await page.locator('main').getByRole('link', { name: 'Scene', exact: true }).first().click();
@@ -134,7 +134,7 @@ test('the description of the HTTP interface reads as a page', onStage(
         paths: {
           '/v1/scenes': {
             post: {
-              summary: 'Uploads a scene',
+              summary: 'Uploads a `scene`',
               parameters: [{ name: 'Idempotency-Key', in: 'header', schema: { type: 'string', maxLength: 64 } }],
               requestBody: { content: { 'model/gltf-binary': { schema: { type: 'string', format: 'binary' } } } },
               responses: { 201: { description: 'Created', content: { 'application/json': { schema: { $ref: '#/components/schemas/Scene' } } } }, 413: { description: 'Too large' } },

@@ -3,7 +3,7 @@
  */
 
 import { byId, h } from '../page/dom.js';
-import { describeSchema, anchorOf, prose, table, typeOf } from './schema.js';
+import { anchorOf, describeSchema, inline, prose, table, typeOf } from './schema.js';
 
 /** @typedef {Record<string, any>} Json */
 
@@ -50,7 +50,11 @@ function render(reference, contents, document_) {
  * @returns {{ id: string, method: string, path: string, operation: Json, parameters: Json[] }[]}
  */
 function operationsOf(document_) {
-  return Object.entries(/** @type {Record<string, Json>} */ (document_['paths'] ?? {})).flatMap(([path, item]) =>
+  const paths = Object.entries(/** @type {Record<string, Json>} */ (document_['paths'] ?? {}));
+  // What programs are written against comes first; the pages and probes of the server follow.
+  /** @param {[string, Json]} entry */
+  const versioned = ([path]) => (/^\/v\d+\//.test(path) ? 0 : 1);
+  return paths.toSorted((a, b) => versioned(a) - versioned(b)).flatMap(([path, item]) =>
     METHODS.filter((method) => item[method]).map((method) => ({
       id: `${method}-${path.replace(/[^a-zA-Z0-9]+/g, '-').replace(/^-|-$/g, '')}`,
       method,
@@ -67,7 +71,7 @@ function describeOperation({ id, method, path, operation, parameters }) {
     'section',
     { className: 'operation', id },
     h('h2', {}, badge(method), h('code', {}, path)),
-    operation['summary'] ? h('p', { className: 'summary' }, operation['summary']) : undefined,
+    operation['summary'] ? h('p', { className: 'summary' }, ...inline(operation['summary'])) : undefined,
     operation['description'] && operation['description'] !== operation['summary'] ? prose(operation['description']) : undefined,
   );
   if (parameters.length > 0) {
@@ -77,7 +81,7 @@ function describeOperation({ id, method, path, operation, parameters }) {
         {},
         h('th', { scope: 'row' }, h('code', {}, parameter['name']), parameter['required'] ? undefined : h('span', { className: 'optional' }, 'optional')),
         h('td', {}, `${parameter['in']}, `, typeOf(parameter['schema'])),
-        h('td', {}, parameter['description'] ?? ''),
+        h('td', {}, ...inline(parameter['description'])),
       ),
     );
     section.append(h('h3', {}, 'Parameters'), table(['Name', 'Where and type', 'Meaning'], rows));
@@ -92,7 +96,7 @@ function describeOperation({ id, method, path, operation, parameters }) {
       'tr',
       {},
       h('th', { scope: 'row' }, h('code', { className: `status s${status[0]}` }, status)),
-      h('td', {}, response['description'] || (status.startsWith('2') ? 'Done' : ''), ...headers(response['headers'])),
+      h('td', {}, ...inline(response['description'] || (status.startsWith('2') ? 'Done' : '')), ...headers(response['headers'])),
       h('td', {}, h('ul', { className: 'bodies' }, ...bodies(response['content']))),
     ),
   );
@@ -109,7 +113,7 @@ const bodies = (content) =>
 
 /** @param {Record<string, Json> | undefined} named */
 const headers = (named) =>
-  Object.entries(named ?? {}).map(([name, header]) => h('div', { className: 'header' }, h('code', {}, name), ` ${header['description'] ?? ''}`));
+  Object.entries(named ?? {}).map(([name, header]) => h('div', { className: 'header' }, h('code', {}, name), ' ', ...inline(header['description'])));
 
 /** @param {string} method */
 const badge = (method) => h('span', { className: `method ${method}` }, method.toUpperCase());

@@ -56,7 +56,7 @@ export function describeSchema(name, schema) {
       if (variant.properties) {
         if (variant.description) section.append(prose(variant.description));
         section.append(fieldTable(variant));
-      } else section.append(h('p', {}, typeOf(variant), variant.description ? `: ${variant.description}` : ''));
+      } else section.append(h('p', {}, typeOf(variant), ...(variant.description ? [': ', ...inline(variant.description)] : [])));
     }
   } else section.append(h('p', {}, typeOf(schema)));
   return section;
@@ -73,7 +73,7 @@ export function fieldTable(schema) {
       {},
       h('th', { scope: 'row' }, h('code', {}, name), required.has(name) ? undefined : h('span', { className: 'optional' }, 'optional')),
       h('td', {}, typeOf(property)),
-      h('td', {}, property['description'] ?? ''),
+      h('td', {}, ...inline(property['description'])),
     ),
   );
   return table(['Field', 'Type', 'Meaning'], rows);
@@ -97,12 +97,15 @@ export function table(heads, rows) {
  */
 export function prose(text) {
   const box = h('div', { className: 'prose' });
-  for (const paragraph of text.trim().split(/\n\s*\n/)) {
-    const parts = paragraph.split('`');
-    box.append(h('p', {}, ...parts.map((part, i) => (i % 2 === 1 ? h('code', {}, part) : part))));
-  }
+  for (const paragraph of text.trim().split(/\n\s*\n/)) box.append(h('p', {}, ...inline(paragraph)));
   return box;
 }
+
+/**
+ * Text in which backticks mark code.
+ * @param {string | undefined} text
+ */
+export const inline = (text) => (text ?? '').split('`').map((part, i) => (i % 2 === 1 ? h('code', {}, part) : part));
 
 /** @param {Schema | undefined} schema */
 function boundsOf(schema) {
