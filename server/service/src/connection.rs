@@ -262,6 +262,7 @@ impl Connection {
                 event = events.recv() => self.on_event(event),
                 Some(message) = late.recv() => self.on_late(&message),
                 Some(done) = encoded.recv() => self.on_encoded(done),
+                () = self.outbox.frame_room(), if !self.outbox.has_frame_room() => Ok(()),
                 frame = self.slot.take(), if self.can_take() => self.on_frame(frame),
                 () = tokio::time::sleep_until(deadline) => Ok(()),
             };

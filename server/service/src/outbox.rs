@@ -92,6 +92,11 @@ impl Outbox {
         self.frames.capacity() > 0
     }
 
+    /// Resolves when a frame can be queued.
+    pub(crate) async fn frame_room(&self) {
+        let _ = self.frames.reserve().await;
+    }
+
     /// Queues a frame; callers check [`Outbox::has_frame_room`].
     pub(crate) fn frame(&self, frame: Bytes) -> Result<(), Overflow> {
         match self.frames.try_send(frame) {
@@ -132,8 +137,10 @@ impl Writer {
         loop {
             let (message, control_bytes) = tokio::select! {
                 biased;
-                Some(text) = self.control.recv() => { let bytes = text.len(); (Message::Text(text), bytes) }
+                // Frames first, so that what is said about a frame comes after it. Their queue of one cannot starve
+                // the other.
                 Some(frame) = self.frames.recv() => (Message::Binary(frame), 0),
+                Some(text) = self.control.recv() => { let bytes = text.len(); (Message::Text(text), bytes) }
                 close = &mut closing => {
                     if let Ok(frame) = close {
                         let _ = self.send(Message::Close(Some(frame))).await;

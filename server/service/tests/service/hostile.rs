@@ -144,8 +144,8 @@ async fn lying_acks_change_nothing() {
 async fn without_acks_the_view_stops_and_then_ends() {
     let manners = Manners { final_samples: u32::MAX, ..Manners::default() };
     let service = Service::with(manners, |c| {
-        c.timeouts.ack_stop = Duration::from_millis(200);
-        c.timeouts.ack_close = Duration::from_millis(800);
+        c.timeouts.ack_stop = Duration::from_millis(900);
+        c.timeouts.ack_close = Duration::from_millis(1800);
     })
     .await;
     let mut client = service.client().await;
@@ -161,7 +161,7 @@ async fn without_acks_the_view_stops_and_then_ends() {
         }
     };
     assert_eq!((code, frames), (4408, 2), "no more than the window");
-    assert!(began.elapsed() >= Duration::from_millis(700), "{:?}", began.elapsed());
+    assert!(began.elapsed() >= Duration::from_millis(1700), "{:?}", began.elapsed());
     service.until("the view is closed", |fake| fake.count(|t| *t == Told::CloseView) == 1).await;
 }
 

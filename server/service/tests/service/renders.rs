@@ -91,7 +91,7 @@ async fn equal_requests_give_equal_bytes_and_one_render() {
 
 #[tokio::test]
 async fn a_job_can_be_followed_and_fetched() {
-    let manners = Manners { job_time: Duration::from_millis(150), ..Manners::default() };
+    let manners = Manners { job_time: Duration::from_millis(400), ..Manners::default() };
     let service = Service::with(manners, |_| {}).await;
     let accepted = render(&service, &[], json!({})).await;
     assert_eq!(accepted.status, StatusCode::ACCEPTED);
@@ -99,6 +99,8 @@ async fn a_job_can_be_followed_and_fetched() {
     assert!(!accepted.header("retry-after").is_empty());
     let early = service.get(&format!("{location}/image")).await;
     assert_eq!((early.status, early.problem().as_str()), (StatusCode::CONFLICT, "not_ready"));
+    service.until("it runs", |fake| fake.count(|t| matches!(t, Told::Render { .. })) == 1).await;
+    tokio::time::sleep(Duration::from_millis(20)).await;
     let running = service.get(&location).await;
     assert_eq!((running.json()["status"].as_str(), running.json()["progress"].as_f64()), (Some("running"), Some(0.25)));
     assert!(!running.header("retry-after").is_empty());
@@ -134,7 +136,7 @@ async fn cancel_stops_the_renderer() {
     // An equal request after a cancel is work of its own.
     let again = render(&service, &[], json!({})).await;
     assert_ne!(again.header("location"), location);
-    assert_eq!(renders(&service), 2);
+    service.until("it is rendered", |fake| fake.count(|t| matches!(t, Told::Render { .. })) == 2).await;
 }
 
 #[tokio::test]

@@ -1,6 +1,5 @@
 //! Uploads: what is taken, what is refused, what is still there after a restart.
 
-
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
 use serde_json::json;

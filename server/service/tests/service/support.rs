@@ -196,7 +196,11 @@ pub(crate) enum Got {
 }
 
 impl Client {
-    pub(crate) async fn upgrade(socket: TcpStream, addr: SocketAddr, session: &str) -> Result<Self, tungstenite::Error> {
+    pub(crate) async fn upgrade(
+        socket: TcpStream,
+        addr: SocketAddr,
+        session: &str,
+    ) -> Result<Self, tungstenite::Error> {
         let mut request = format!("ws://{addr}/v1/sessions/{session}/stream").into_client_request()?;
         request.headers_mut().insert("sec-websocket-protocol", "surfelcast.v1.json".parse().expect("a value"));
         let socket = MaybeTlsStream::Plain(socket);
