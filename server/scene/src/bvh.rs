@@ -44,11 +44,8 @@ pub(crate) struct Hierarchy {
 /// Hierarchy over triangles. Large ones may be referred to by several leaves.
 pub(crate) fn build_triangles(corners: &[[Vec3; 3]]) -> Hierarchy {
     let scale = unit_scale(corners.iter().flatten().copied());
-    let triangles: Vec<Triangle> = corners
-        .iter()
-        .map(|c| c.map(|v| Vec3A::from(v * scale)))
-        .map(|[v0, v1, v2]| Triangle { v0, v1, v2 })
-        .collect();
+    let triangles: Vec<Triangle> =
+        corners.iter().map(|c| c.map(|v| Vec3A::from(v * scale))).map(|[v0, v1, v2]| Triangle { v0, v1, v2 }).collect();
     let mut boxes: Vec<Aabb> = triangles.iter().map(Triangle::aabb).collect();
     let mut owner: Vec<u32> = (0..triangles.len() as u32).collect();
     split_large(&mut boxes, &mut owner, &triangles);
@@ -62,8 +59,7 @@ pub(crate) fn build_triangles(corners: &[[Vec3; 3]]) -> Hierarchy {
 /// Hierarchy over boxes, for the top level.
 pub(crate) fn build_bounds(bounds: &[crate::Bounds]) -> Hierarchy {
     let scale = unit_scale(bounds.iter().flat_map(|b| [b.min, b.max]));
-    let boxes: Vec<Aabb> =
-        bounds.iter().map(|b| Aabb::new((b.min * scale).into(), (b.max * scale).into())).collect();
+    let boxes: Vec<Aabb> = bounds.iter().map(|b| Aabb::new((b.min * scale).into(), (b.max * scale).into())).collect();
     build_boxes(&boxes, scale, MAX_TOP_DEPTH)
 }
 

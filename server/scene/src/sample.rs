@@ -64,7 +64,7 @@ mod tests {
         assert_eq!(row(Wrap::Repeat), [0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3]);
         assert_eq!(row(Wrap::MirroredRepeat), [3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0]);
         assert_eq!(row(Wrap::ClampToEdge), [0, 0, 0, 0, 0, 1, 2, 3, 3, 3, 3, 3]);
-        }
+    }
 
     #[test]
     fn extreme_coordinates_are_harmless() {

@@ -100,7 +100,8 @@ impl Ray {
         let least = (direction.abs().max_element() * 2f32.powi(-60)).max(f32::MIN_POSITIVE);
         let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < least { least.copysign(d) } else { d });
         let is_negative = inverse.map(|x| x < 0.0);
-        let octant = is_negative.iter().zip([4, 2, 1]).map(|(&negative, bit)| if negative { 0 } else { bit }).sum::<u32>();
+        let octant =
+            is_negative.iter().zip([4, 2, 1]).map(|(&negative, bit)| if negative { 0 } else { bit }).sum::<u32>();
         Self { origin, inverse: Vec3::from_array(inverse), octant: octant * 0x0101_0101, is_negative }
     }
 
@@ -215,7 +216,8 @@ impl Shear {
             let z = v[self.kz];
             (v[self.kx] - self.sx * z, v[self.ky] - self.sy * z, self.sz * z)
         };
-        let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] = [corner(triangle.v0), corner(triangle.v1), corner(triangle.v2)];
+        let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] =
+            [corner(triangle.v0), corner(triangle.v1), corner(triangle.v2)];
         let mut weights = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
         if weights.contains(&0.0) {
             // on an edge in f32: decide in f64, where products of two f32 are exact

@@ -186,10 +186,9 @@ impl ViewFile {
         }
         let bytes = read_bounded(path)?;
         let value: Option<serde_json::Value> = serde_json::from_slice(&bytes).ok();
-        let is_view = value
-            .as_ref()
-            .and_then(serde_json::Value::as_object)
-            .is_some_and(|object| MEMBERS.iter().any(|member| object.contains_key(*member)) && !object.contains_key("asset"));
+        let is_view = value.as_ref().and_then(serde_json::Value::as_object).is_some_and(|object| {
+            MEMBERS.iter().any(|member| object.contains_key(*member)) && !object.contains_key("asset")
+        });
         if is_view { Self::parse(&bytes).map(Some) } else { Ok(None) }
     }
 }

@@ -213,12 +213,17 @@ fn ball(rings: u32, segments: u32, center: Vec3, radius: f32) -> (Vec<Vec3>, Vec
 fn closed_meshes_do_not_leak() {
     let mut random = Random(3);
     let mut rays = 0u32;
-    for (scale, offset) in [(1.0, Vec3::ZERO), (1e-6, Vec3::ZERO), (1e6, Vec3::ZERO), (1.0, Vec3::new(300.0, -200.0, 100.0))]
+    for (scale, offset) in
+        [(1.0, Vec3::ZERO), (1e-6, Vec3::ZERO), (1e6, Vec3::ZERO), (1.0, Vec3::new(300.0, -200.0, 100.0))]
     {
         let (mut positions, mut triangles) = ball(24, 48, offset * scale, scale);
         // an anchor far away keeps the ball off the centre of the scene
         let anchor = positions.len() as u32;
-        positions.extend([-offset * scale, -offset * scale + Vec3::X * scale * 1e-3, -offset * scale + Vec3::Y * scale * 1e-3]);
+        positions.extend([
+            -offset * scale,
+            -offset * scale + Vec3::X * scale * 1e-3,
+            -offset * scale + Vec3::Y * scale * 1e-3,
+        ]);
         triangles.push([anchor, anchor + 1, anchor + 2]);
         let scene = mesh_scene(&positions, &triangles, &[json!({})]);
         // vertices as the tracer has them

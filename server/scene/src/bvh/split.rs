@@ -55,11 +55,7 @@ impl Task<'_> {
         let (left_root, right_root) = children.split_at_mut(1);
         let below = Self { depth: self.depth + 1, first_node: self.first_node + 2, ..self };
         let left = below;
-        let right = Self {
-            first_slot: self.first_slot + middle,
-            first_node: self.first_node + 2 * middle,
-            ..below
-        };
+        let right = Self { first_slot: self.first_slot + middle, first_node: self.first_node + 2 * middle, ..below };
         if left_items.len() + right_items.len() >= PARALLEL_SIZE {
             rayon::join(
                 || left.run(left_items, &mut left_root[0], left_rest),

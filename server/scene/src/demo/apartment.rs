@@ -42,7 +42,7 @@ pub(super) fn view() -> String {
         camera("kitchen", [9.7, 1.6, 4.7], [7.3, 0.9, 0.9], 60.0),
         camera("study", [4.2, 1.6, -0.45], [0.6, 0.8, -2.4], 62.0),
         camera("still life", [2.75, 0.82, 2.65], [1.68, 0.47, 1.72], 34.0)],
-        "environment": {"type": "constant", "radiance": [1.1, 1.45, 2.0]}, "exposure": 0.9})
+        "environment": {"type": "constant", "radiance": [1.1, 1.45, 2.0]}, "exposure": 2.2})
     .to_string()
 }
 
@@ -89,19 +89,63 @@ impl Shell {
             plaster: textured(writer, "plaster", &texture::plaster(rgb(0.93, 0.91, 0.87), 1), 0.9, 0.5),
             accent: textured(writer, "sage plaster", &texture::plaster(rgb(0.62, 0.69, 0.62), 2), 0.9, 0.5),
             ceiling: writer.material(matte("ceiling", [0.86, 0.86, 0.85], 0.95, 0.0)),
-            boards: textured(writer, "floor boards", &texture::wood(rgb(0.42, 0.28, 0.17), rgb(0.68, 0.5, 0.34), 5, 11), 0.42, 0.8),
-            floor_tiles: textured(writer, "floor tiles", &texture::tiles(rgb(0.72, 0.7, 0.68), rgb(0.45, 0.44, 0.43), 5), 0.3, 0.6),
+            boards: textured(
+                writer,
+                "floor boards",
+                &texture::wood(rgb(0.42, 0.28, 0.17), rgb(0.68, 0.5, 0.34), 5, 11),
+                0.42,
+                0.8,
+            ),
+            floor_tiles: textured(
+                writer,
+                "floor tiles",
+                &texture::tiles(rgb(0.72, 0.7, 0.68), rgb(0.45, 0.44, 0.43), 5),
+                0.3,
+                0.6,
+            ),
             paint: writer.material(matte("white paint", [0.85, 0.85, 0.83], 0.45, 0.0)),
-            rug: textured(writer, "rug", &texture::rug(rgb(0.62, 0.16, 0.13), rgb(0.93, 0.83, 0.63), rgb(0.14, 0.19, 0.34)), 1.0, 1.0),
-            study_rug: textured(writer, "study rug", &texture::rug(rgb(0.2, 0.31, 0.42), rgb(0.85, 0.82, 0.74), rgb(0.72, 0.5, 0.2)), 1.0, 1.0),
+            rug: textured(
+                writer,
+                "rug",
+                &texture::rug(rgb(0.62, 0.16, 0.13), rgb(0.93, 0.83, 0.63), rgb(0.14, 0.19, 0.34)),
+                1.0,
+                1.0,
+            ),
+            study_rug: textured(
+                writer,
+                "study rug",
+                &texture::rug(rgb(0.2, 0.31, 0.42), rgb(0.85, 0.82, 0.74), rgb(0.72, 0.5, 0.2)),
+                1.0,
+                1.0,
+            ),
             grass: writer.material(matte("lawn", [0.14, 0.24, 0.07], 1.0, 0.0)),
             foliage: writer.material(matte("foliage", [0.1, 0.22, 0.06], 1.0, 0.0)),
             bark: writer.material(matte("bark", [0.2, 0.13, 0.08], 1.0, 0.0)),
             paintings: [
-                painting(writer, 3, [rgb(0.95, 0.7, 0.45), rgb(0.98, 0.88, 0.7)], [rgb(0.55, 0.4, 0.5), rgb(0.15, 0.2, 0.3)]),
-                painting(writer, 8, [rgb(0.45, 0.65, 0.85), rgb(0.9, 0.93, 0.95)], [rgb(0.5, 0.65, 0.55), rgb(0.12, 0.28, 0.16)]),
-                painting(writer, 21, [rgb(0.2, 0.22, 0.4), rgb(0.85, 0.5, 0.4)], [rgb(0.35, 0.2, 0.35), rgb(0.08, 0.06, 0.14)]),
-                painting(writer, 34, [rgb(0.8, 0.85, 0.8), rgb(0.96, 0.94, 0.88)], [rgb(0.75, 0.7, 0.5), rgb(0.4, 0.25, 0.15)]),
+                painting(
+                    writer,
+                    3,
+                    [rgb(0.95, 0.7, 0.45), rgb(0.98, 0.88, 0.7)],
+                    [rgb(0.55, 0.4, 0.5), rgb(0.15, 0.2, 0.3)],
+                ),
+                painting(
+                    writer,
+                    8,
+                    [rgb(0.45, 0.65, 0.85), rgb(0.9, 0.93, 0.95)],
+                    [rgb(0.5, 0.65, 0.55), rgb(0.12, 0.28, 0.16)],
+                ),
+                painting(
+                    writer,
+                    21,
+                    [rgb(0.2, 0.22, 0.4), rgb(0.85, 0.5, 0.4)],
+                    [rgb(0.35, 0.2, 0.35), rgb(0.08, 0.06, 0.14)],
+                ),
+                painting(
+                    writer,
+                    34,
+                    [rgb(0.8, 0.85, 0.8), rgb(0.96, 0.94, 0.88)],
+                    [rgb(0.75, 0.7, 0.5), rgb(0.4, 0.25, 0.15)],
+                ),
             ],
         }
     }
@@ -114,13 +158,22 @@ fn palette(writer: &mut Writer) -> (Palette, Surfaces) {
             "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}})
     };
     let oak = textured(writer, "oak", &texture::wood(rgb(0.55, 0.38, 0.22), rgb(0.8, 0.62, 0.42), 1, 5), 0.5, 1.6);
-    let walnut = textured(writer, "walnut", &texture::wood(rgb(0.2, 0.12, 0.07), rgb(0.42, 0.27, 0.17), 1, 9), 0.4, 1.6);
-    let sofa = textured(writer, "sofa cloth", &texture::fabric(rgb(0.25, 0.36, 0.44), rgb(0.32, 0.44, 0.52), 2), 0.95, 4.0);
-    let armchair = textured(writer, "mustard cloth", &texture::fabric(rgb(0.72, 0.5, 0.16), rgb(0.8, 0.6, 0.25), 4), 0.95, 4.0);
+    let walnut =
+        textured(writer, "walnut", &texture::wood(rgb(0.2, 0.12, 0.07), rgb(0.42, 0.27, 0.17), 1, 9), 0.4, 1.6);
+    let sofa =
+        textured(writer, "sofa cloth", &texture::fabric(rgb(0.25, 0.36, 0.44), rgb(0.32, 0.44, 0.52), 2), 0.95, 4.0);
+    let armchair =
+        textured(writer, "mustard cloth", &texture::fabric(rgb(0.72, 0.5, 0.16), rgb(0.8, 0.6, 0.25), 4), 0.95, 4.0);
     let linen = textured(writer, "linen", &texture::fabric(rgb(0.86, 0.82, 0.74), rgb(0.92, 0.89, 0.83), 6), 0.95, 4.0);
     let surfaces = Surfaces {
         marble: textured(writer, "marble", &texture::marble(rgb(0.93, 0.92, 0.9), rgb(0.45, 0.46, 0.5), 3), 0.15, 1.0),
-        wall_tiles: textured(writer, "wall tiles", &texture::tiles(rgb(0.55, 0.72, 0.72), rgb(0.85, 0.85, 0.83), 8), 0.12, 1.8),
+        wall_tiles: textured(
+            writer,
+            "wall tiles",
+            &texture::tiles(rgb(0.55, 0.72, 0.72), rgb(0.85, 0.85, 0.83), 8),
+            0.12,
+            1.8,
+        ),
     };
     let mut plain = |name: &str, color: [f32; 3], roughness: f32, metallic: f32| {
         writer.material(matte(name, color, roughness, metallic))
@@ -157,7 +210,8 @@ fn palette(writer: &mut Writer) -> (Palette, Surfaces) {
         leaf: plain("leaf", [0.07, 0.22, 0.06], 0.45, 0.0),
         shade: plain("lamp shade", [0.85, 0.78, 0.65], 0.9, 0.0),
         paper: plain("paper", [0.85, 0.83, 0.78], 0.9, 0.0),
-        lamp: writer.material(lamp("bulb", [1.0, 0.74, 0.45], 60.0)),
+        lamp: writer.material(lamp("bulb", [1.0, 0.74, 0.45], 110.0)),
+        panel: writer.material(lamp("light panel", [1.0, 0.86, 0.68], 14.0)),
         screen: writer.material(lamp("screen", [0.45, 0.62, 1.0], 1.6)),
         glass: writer.material(json!({"name": "glass",
             "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0},
@@ -170,8 +224,9 @@ fn palette(writer: &mut Writer) -> (Palette, Surfaces) {
 }
 
 /// Openings: along the wall from its start, then heights.
-const SOUTH: [Opening; 3] = [[1.2, 3.0, 1.0, 2.2], [5.0, 6.8, 0.4, 2.35], [7.5, 9.3, 0.4, 2.35]];
+const SOUTH: [Opening; 3] = [[0.8, 3.4, 0.95, 2.3], [5.0, 6.8, 0.4, 2.35], [7.5, 9.3, 0.4, 2.35]];
 const WEST: [Opening; 1] = [[6.3, 7.7, 0.9, 2.2]];
+const EAST: [Opening; 1] = [[0.9, 2.3, 0.95, 2.2]];
 const DOOR: [Opening; 1] = [[3.1, 4.05, -1.0, 2.1]];
 const PASSAGE: [Opening; 1] = [[1.45, 4.05, -1.0, 2.25]];
 
@@ -183,7 +238,7 @@ fn build_shell(writer: &mut Writer, s: &Shell, p: &Palette) {
     let mut walls = Object::default();
     walls.add(s.plaster, stand([10.2, 5.0], [-0.2, 5.0], 0.25, &SOUTH));
     walls.add(s.plaster, stand([0.0, 5.1], [0.0, -3.6], 0.25, &WEST));
-    walls.add(s.plaster, stand([10.0, -0.1], [10.0, 5.1], 0.25, &[]));
+    walls.add(s.plaster, stand([10.0, -0.1], [10.0, 5.1], 0.25, &EAST));
     walls.add(s.accent, stand([-0.1, 0.0], [10.1, 0.0], 0.15, &DOOR));
     walls.add(s.plaster, stand([-0.1, -3.5], [4.6, -3.5], 0.2, &[]));
     walls.add(s.plaster, stand([4.5, -3.6], [4.5, -0.1], 0.15, &[]));
@@ -224,6 +279,11 @@ fn build_shell(writer: &mut Writer, s: &Shell, p: &Palette) {
         let z = 5.1 - (from + to) / 2.0;
         sash(&mut frames, to - from, high - low, &|mesh| mesh.turned(90.0).at(-0.17, low, z));
         frames.add(s.paint, Mesh::pillow(0.2, 0.03, to - from + 0.1, 0.008, 1).at(0.0, low - 0.02, z));
+    }
+    for [from, to, low, high] in EAST {
+        let z = (from + to) / 2.0 - 0.1;
+        sash(&mut frames, to - from, high - low, &|mesh| mesh.turned(90.0).at(10.17, low, z));
+        frames.add(s.paint, Mesh::pillow(0.2, 0.03, to - from + 0.1, 0.008, 1).at(10.0, low - 0.02, z));
     }
     // door case
     for x in [2.99, 3.96] {
@@ -278,7 +338,14 @@ fn outside(writer: &mut Writer, s: &Shell) {
         let (x, y, z) = (random(0) - 0.5, random(1), random(2) - 0.5);
         tree.add(s.foliage, Mesh::ball(0.55 + 0.4 * random(3), 8).at(x * 1.9, 2.1 + y * 1.5, z * 1.9));
     }
-    let trees = [(-3.5, 13.5, 10.0), (1.2, 14.6, 80.0), (6.6, 13.8, 200.0), (11.5, 14.2, 310.0), (-8.0, -1.0, 45.0), (-9.5, -4.6, 130.0)];
+    let trees = [
+        (-3.5, 13.5, 10.0),
+        (1.2, 14.6, 80.0),
+        (6.6, 13.8, 200.0),
+        (11.5, 14.2, 310.0),
+        (-8.0, -1.0, 45.0),
+        (-9.5, -4.6, 130.0),
+    ];
     let placed: Vec<(Vec3, f32)> = trees.iter().map(|&(x, z, turn)| (Vec3::new(x, 0.0, z), turn)).collect();
     writer.repeat("tree", tree, &placed);
 }
@@ -349,6 +416,9 @@ fn kitchen_room(writer: &mut Writer, p: &Palette, surfaces: &Surfaces, s: &Shell
 
 fn study(writer: &mut Writer, p: &Palette, s: &Shell) {
     let at = |x: f32, y: f32, z: f32, turn: f32| [(Vec3::new(x, y, z), turn)];
+    let mut ceiling_lamp = Object::default();
+    ceiling_lamp.add(p.panel, Mesh::cylinder(0.22, 0.08, 28).at(2.2, CEILING - 0.07, -1.8));
+    writer.place("ceiling lamp", ceiling_lamp);
     writer.repeat("study rug", rug(s.study_rug, 2.0, 1.5), &at(2.2, 0.0005, -1.8, 0.0));
     writer.repeat("desk", f::desk(p), &at(0.4, 0.0, -1.9, 90.0));
     writer.repeat("desk chair", f::chair(p), &at(1.0, 0.0, -1.75, -104.0));

@@ -28,6 +28,7 @@ pub(super) struct Palette {
     pub(super) leaf: MaterialId,
     pub(super) lamp: MaterialId,
     pub(super) shade: MaterialId,
+    pub(super) panel: MaterialId,
     pub(super) screen: MaterialId,
     pub(super) paper: MaterialId,
     pub(super) books: [MaterialId; 6],
@@ -64,7 +65,9 @@ pub(super) fn sofa(p: &Palette, seats: u32, cover: MaterialId) -> Object {
     }
     for (x, turn) in [(-inner / 2.0 + 0.24, 0.35), (inner / 2.0 - 0.26, -0.3)].into_iter().take(seats.min(2) as usize) {
         let cushion = Mesh::pillow(0.42, 0.42, 0.14, 0.068, 3);
-        let lean = Mat4::from_translation(Vec3::new(x, 0.462, 0.0)) * Mat4::from_rotation_y(turn) * Mat4::from_rotation_x(-0.42);
+        let lean = Mat4::from_translation(Vec3::new(x, 0.462, 0.0))
+            * Mat4::from_rotation_y(turn)
+            * Mat4::from_rotation_x(-0.42);
         object.add(p.linen, cushion.transformed(lean));
     }
     object
@@ -76,7 +79,8 @@ pub(super) fn coffee_table(p: &Palette) -> Object {
     object.add(p.walnut, Mesh::pillow(1.15, 0.045, 0.65, 0.015, 3).at(0.0, 0.355, 0.0));
     object.add(p.black_metal, legs(0.98, 0.48, 0.36, 0.016));
     object.add(p.oak, Mesh::pillow(1.0, 0.025, 0.5, 0.01, 1).at(0.0, 0.14, 0.0));
-    for (k, (width, depth, turn)) in [(0.3, 0.22, 8.0), (0.26, 0.2, -14.0), (0.22, 0.16, 20.0)].into_iter().enumerate() {
+    for (k, (width, depth, turn)) in [(0.3, 0.22, 8.0), (0.26, 0.2, -14.0), (0.22, 0.16, 20.0)].into_iter().enumerate()
+    {
         let y = 0.401 + 0.032 * k as f32;
         object.add(p.books[k * 2], Mesh::block(width, 0.0305, depth).turned(turn).at(-0.32, y, 0.05));
     }
@@ -149,7 +153,11 @@ pub(super) fn bookcase(p: &Palette, width: f32, height: f32, seed: u32) -> Objec
                 let cover = p.books[(random(6) * 6.0) as usize % 6];
                 let (center, front) = (x + thick / 2.0, depth / 2.0 - 0.03 - deep / 2.0 - 0.02 * random(7));
                 object.add(cover, Mesh::block(thick - 0.002, tall, deep).at(center, y + board, front));
-                let page = Mesh::block(thick - 0.007, tall - 0.008, deep - 0.006).at(center, y + board + 0.004, front - 0.0055);
+                let page = Mesh::block(thick - 0.007, tall - 0.008, deep - 0.006).at(
+                    center,
+                    y + board + 0.004,
+                    front - 0.0055,
+                );
                 object.add(p.paper, page);
                 x += thick;
             }
@@ -198,10 +206,7 @@ pub(super) fn floor_lamp(p: &Palette) -> Object {
 /// A conical shade, open above and below, with a wall of 3 mm.
 fn shade(top: f32, bottom: f32, height: f32) -> Mesh {
     let wall = 0.003;
-    Mesh::lathe(
-        &[[bottom - wall, 0.0], [bottom, 0.0], [top, height], [top - wall, height], [bottom - wall, 0.0]],
-        28,
-    )
+    Mesh::lathe(&[[bottom - wall, 0.0], [bottom, 0.0], [top, height], [top - wall, height], [bottom - wall, 0.0]], 28)
 }
 
 /// A lamp for a table.
@@ -218,14 +223,11 @@ pub(super) fn table_lamp(p: &Palette) -> Object {
 /// A lamp on a cord: the ceiling is at `drop` above its lower rim.
 pub(super) fn pendant(p: &Palette, drop: f32) -> Object {
     let mut object = Object::default();
-    let bell: Vec<[f32; 2]> = (0..=12)
-        .map(|k| k as f32 / 12.0 * PI / 2.0)
-        .map(|a| [0.17 * a.cos().max(0.08), 0.2 * a.sin()])
-        .collect();
-    let mut profile: Vec<[f32; 2]> = bell.iter().rev().map(|q| [q[0] - 0.003, q[1] - 0.003]).collect();
-    profile.reverse();
-    let mut outline: Vec<[f32; 2]> = bell.clone();
-    outline.extend(profile.iter().rev());
+    let bell: Vec<[f32; 2]> =
+        (0..=12).map(|k| k as f32 / 12.0 * PI / 2.0).map(|a| [0.17 * a.cos().max(0.08), 0.2 * a.sin()]).collect();
+    // up the outside, down the inside, and closed at the rim
+    let mut outline = bell.clone();
+    outline.extend(bell.iter().rev().map(|q| [q[0] - 0.003, q[1] - 0.003]));
     outline.push(bell[0]);
     object.add(p.brass, Mesh::lathe(&outline, 28));
     object.add(p.black_metal, Mesh::cylinder(0.004, drop - 0.19, 8).at(0.0, 0.195, 0.0));
@@ -289,7 +291,10 @@ pub(super) fn sideboard(p: &Palette, width: f32) -> Object {
     let door = (width - 0.05) / doors as f32;
     for k in 0..doors {
         let x = (k as f32 + 0.5) * door - (width - 0.05) / 2.0;
-        object.add(p.lacquer, Mesh::pillow(door - 0.012, height - 0.06, 0.018, 0.005, 1).at(x, 0.195, depth / 2.0 + 0.006));
+        object.add(
+            p.lacquer,
+            Mesh::pillow(door - 0.012, height - 0.06, 0.018, 0.005, 1).at(x, 0.195, depth / 2.0 + 0.006),
+        );
         object.add(p.brass, Mesh::ball(0.013, 10).at(x + door / 2.0 - 0.06, 0.44, depth / 2.0 + 0.026));
     }
     object
@@ -352,7 +357,9 @@ pub(super) fn daybed(p: &Palette) -> Object {
     object.add(p.linen, Mesh::pillow(1.94, 0.2, 0.88, 0.07, 3).at(0.0, 0.29, 0.0));
     object.add(p.armchair, Mesh::pillow(1.2, 0.05, 0.91, 0.024, 3).at(-0.3, 0.475, 0.0));
     for (x, turn) in [(0.68, 0.1), (0.4, -0.25)] {
-        let lean = Mat4::from_translation(Vec3::new(x, 0.487, -0.2)) * Mat4::from_rotation_y(turn) * Mat4::from_rotation_x(-0.35);
+        let lean = Mat4::from_translation(Vec3::new(x, 0.487, -0.2))
+            * Mat4::from_rotation_y(turn)
+            * Mat4::from_rotation_x(-0.35);
         object.add(p.sofa, Mesh::pillow(0.46, 0.4, 0.15, 0.07, 3).transformed(lean));
     }
     object

@@ -37,7 +37,10 @@ pub(super) fn counter(p: &Palette, s: &Surfaces, width: f32) -> Object {
             object.add(p.brass, Mesh::pillow(0.012, 0.16, 0.018, 0.005, 1).at(x + unit / 2.0 - 0.06, 0.62, z + 0.018));
         }
     }
-    object.add(s.marble, Mesh::pillow(width + 0.01, 0.036, DEPTH + 0.045, 0.008, 1).at(width / 2.0, 0.873, DEPTH / 2.0 + 0.026));
+    object.add(
+        s.marble,
+        Mesh::pillow(width + 0.01, 0.036, DEPTH + 0.045, 0.008, 1).at(width / 2.0, 0.873, DEPTH / 2.0 + 0.026),
+    );
     object.add(s.wall_tiles, Mesh::block(width, 0.54, 0.012).at(width / 2.0, 0.908, 0.0065));
     let sink = unit * 1.5;
     object.add(p.steel, basin(0.5, 0.36).at(sink, 0.9085, 0.33));
@@ -73,7 +76,9 @@ fn basin(width: f32, depth: f32) -> Mesh {
 
 fn faucet() -> Mesh {
     let mut path = vec![Vec3::ZERO, Vec3::Y * 0.26];
-    path.extend((1..=12).map(|k| k as f32 / 12.0 * PI).map(|a| Vec3::new(0.0, 0.26 + 0.09 * a.sin(), 0.09 * (1.0 - a.cos()))));
+    path.extend(
+        (1..=12).map(|k| k as f32 / 12.0 * PI).map(|a| Vec3::new(0.0, 0.26 + 0.09 * a.sin(), 0.09 * (1.0 - a.cos()))),
+    );
     path.push(Vec3::new(0.0, 0.2, 0.18));
     let mut mesh = Mesh::tube(&path, 0.013, 16);
     mesh.add(Mesh::cylinder(0.026, 0.03, 24));
@@ -103,6 +108,9 @@ pub(super) fn wall_units(p: &Palette, width: f32) -> Object {
     let units = (width / 0.6).round() as u32;
     let unit = width / units as f32;
     let mut object = Object::default();
+    // a strip of light under the units, facing down
+    let strip = unit * (units - 2) as f32;
+    object.add(p.panel, Mesh::rectangle(Vec3::new(0.05, low - 0.002, 0.12), Vec3::X * (strip - 0.1), Vec3::Z * 0.03));
     for k in 0..units {
         let x = (k as f32 + 0.5) * unit;
         if k + 2 == units {
@@ -111,8 +119,12 @@ pub(super) fn wall_units(p: &Palette, width: f32) -> Object {
             continue;
         }
         object.add(p.lacquer, Mesh::block(unit - 0.002, height, depth).at(x, low, depth / 2.0 + 0.004));
-        object.add(p.lacquer, Mesh::pillow(unit - 0.01, height - 0.01, 0.02, 0.004, 1).at(x, low + 0.005, depth + 0.013));
-        object.add(p.brass, Mesh::pillow(0.012, 0.14, 0.018, 0.005, 1).at(x + unit / 2.0 - 0.06, low + 0.05, depth + 0.03));
+        object
+            .add(p.lacquer, Mesh::pillow(unit - 0.01, height - 0.01, 0.02, 0.004, 1).at(x, low + 0.005, depth + 0.013));
+        object.add(
+            p.brass,
+            Mesh::pillow(0.012, 0.14, 0.018, 0.005, 1).at(x + unit / 2.0 - 0.06, low + 0.05, depth + 0.03),
+        );
     }
     object
 }
@@ -147,14 +159,7 @@ pub(super) fn dining_table(p: &Palette) -> Object {
     }
     object.add(p.oak, Mesh::block(1.34, 0.08, 0.06).at(0.0, top - 0.126, 0.0));
     for (x, z) in [(-0.6, -0.28), (0.0, -0.28), (0.6, -0.28), (-0.6, 0.28), (0.0, 0.28), (0.6, 0.28)] {
-        let plate = [
-            [0.0, 0.0],
-            [0.075, 0.0],
-            [0.13, 0.018],
-            [0.128, 0.022],
-            [0.07, 0.006],
-            [0.0, 0.006],
-        ];
+        let plate = [[0.0, 0.0], [0.075, 0.0], [0.13, 0.018], [0.128, 0.022], [0.07, 0.006], [0.0, 0.006]];
         object.add(p.ceramic, Mesh::lathe(&plate, 26).at(x, top + 0.0005, z));
         object.add(p.glass, tumbler().at(x + 0.17, top + 0.0005, z * 0.55));
         object.add(p.steel, Mesh::pillow(0.012, 0.004, 0.19, 0.0018, 1).at(x + 0.155, top + 0.0005, z));
@@ -171,8 +176,5 @@ pub(super) fn dining_table(p: &Palette) -> Object {
 
 /// A thick-walled drinking glass.
 fn tumbler() -> Mesh {
-    Mesh::lathe(
-        &[[0.0, 0.0], [0.03, 0.0], [0.036, 0.1], [0.0335, 0.1], [0.0275, 0.012], [0.0, 0.012]],
-        24,
-    )
+    Mesh::lathe(&[[0.0, 0.0], [0.03, 0.0], [0.036, 0.1], [0.0335, 0.1], [0.0275, 0.012], [0.0, 0.012]], 24)
 }

@@ -7,7 +7,8 @@ use image::{ImageFormat, Rgb, RgbImage};
 
 /// A deterministic number in [0, 1) for a lattice point.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
-    let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ seed.wrapping_mul(0xcb1a_b31f);
+    let mut h =
+        (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ seed.wrapping_mul(0xcb1a_b31f);
     h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
     h = (h ^ (h >> 12)).wrapping_mul(0x297a_2d39);
     (h ^ (h >> 15)) as f32 / 4_294_967_296.0
@@ -47,7 +48,8 @@ pub(super) fn wood(dark: Vec3, light: Vec3, planks: i32, seed: u32) -> Vec<u8> {
         let shift = hash(board, 0, seed);
         let rings = noise(Vec2::new(across * 6.0 + shift * 32.0, v * 4.0), [64, 4], seed);
         let fibre = noise(Vec2::new(u * 128.0, v * 8.0), [128, 8], seed + 1);
-        let tone = (((rings * 9.0 + shift * 3.0).fract() - 0.5).abs() * 1.2 + fibre * 0.3 + (shift - 0.5) * 0.5).clamp(0.0, 1.0);
+        let tone = (((rings * 9.0 + shift * 3.0).fract() - 0.5).abs() * 1.2 + fibre * 0.3 + (shift - 0.5) * 0.5)
+            .clamp(0.0, 1.0);
         // two joints a board, staggered
         let joint = ((v * 2.0 + shift).fract() - 0.5).abs() > 0.496;
         let gap = planks > 1 && (across < 0.02 || across > 0.98 || joint);
@@ -90,7 +92,9 @@ pub(super) fn plaster(color: Vec3, seed: u32) -> Vec<u8> {
 pub(super) fn marble(base: Vec3, vein: Vec3, seed: u32) -> Vec<u8> {
     paint(256, 256, |u, v| {
         let p = Vec2::new(u, v);
-        let bend = noise(p * 4.0, [4, 4], seed) + 0.5 * noise(p * 8.0, [8, 8], seed + 1) + 0.25 * noise(p * 16.0, [16, 16], seed + 2);
+        let bend = noise(p * 4.0, [4, 4], seed)
+            + 0.5 * noise(p * 8.0, [8, 8], seed + 1)
+            + 0.25 * noise(p * 16.0, [16, 16], seed + 2);
         let line = 1.0 - (((u + v + bend * 0.8).fract() - 0.5).abs() * 2.0);
         base.lerp(vein, line.powi(12) * 0.7)
     })

@@ -111,7 +111,10 @@ fn interpolate(keys: &Keys, width: usize, values: impl Fn(usize, usize) -> f64) 
                 let (p0, m0) = (values(3 * key + 1, k), span_secs * values(3 * key + 2, k));
                 let (p1, m1) = (values(3 * next + 1, k), span_secs * values(3 * next, k));
                 let (u2, u3) = (u * u, u * u * u);
-                (2.0 * u3 - 3.0 * u2 + 1.0) * p0 + (u3 - 2.0 * u2 + u) * m0 + (3.0 * u2 - 2.0 * u3) * p1 + (u3 - u2) * m1
+                (2.0 * u3 - 3.0 * u2 + 1.0) * p0
+                    + (u3 - 2.0 * u2 + u) * m0
+                    + (3.0 * u2 - 2.0 * u3) * p1
+                    + (u3 - u2) * m1
             }
         })
         .collect()

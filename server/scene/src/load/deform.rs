@@ -121,7 +121,6 @@ pub(crate) fn normal_matrix(matrix: &DMat4) -> DMat3 {
     // scaled first, so that the products of tiny or huge matrices do not leave the range
     let largest = m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs()));
     let m = if largest > 0.0 { m * (1.0 / largest) } else { m };
-    let cofactor =
-        DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let cofactor = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }
 }

@@ -105,7 +105,8 @@ fn load(
     let pose = options.pose.as_ref().or(view.pose.as_ref());
     let posed = animation::sample_pose(&reader, pose)?;
     let hierarchy = hierarchy::Hierarchy::walk(&document, &posed, limits)?;
-    let inputs = assemble::Inputs { reader: &reader, hierarchy: &hierarchy, posed: &posed, materials: &materials, limits };
+    let inputs =
+        assemble::Inputs { reader: &reader, hierarchy: &hierarchy, posed: &posed, materials: &materials, limits };
     let assembled = assemble::assemble(&inputs)?;
     warnings.extend(assembled.warnings);
     let origin = assembled.origin;

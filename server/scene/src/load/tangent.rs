@@ -84,7 +84,9 @@ mod tests {
     /// Two unit quads side by side whose texture is mirrored about the shared edge x = 1.
     fn mirrored_quads() -> PrimitiveData {
         PrimitiveData {
-            positions: [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]].map(|[x, y]| [x as f32, y as f32, 0.0]).to_vec(),
+            positions: [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]]
+                .map(|[x, y]| [x as f32, y as f32, 0.0])
+                .to_vec(),
             normals: Some(vec![[0.0, 0.0, 1.0]; 6]),
             uvs: [Some([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0], [0, 1]].map(|uv| uv.map(|x| x as f32)).to_vec()), None],
             triangles: vec![[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]],
