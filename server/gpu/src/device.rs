@@ -200,7 +200,7 @@ impl Gpu {
     /// Compiles a kernel given as WESL text instead of by name. For tests and tools.
     pub fn kernel_from_source(&self, name: &str, text: &str, features: Features) -> Result<Kernel, GpuError> {
         self.inner.check()?;
-        self.inner.kernels.from_source(&self.inner, name, text, features)
+        self.inner.kernels.compile_source(&self.inner, name, text, features)
     }
 
     /// Starts to compile the kernel in the background, unless that was done before. Does not wait.
@@ -284,7 +284,7 @@ impl Gpu {
                 inner.wait_for(&submitted, inner.submission_limit, "upload")?;
             }
             inner.scoped(buffer.label(), chunk.len() as u64, || {
-                inner.queue.write_buffer(&buffer.inner.raw, at, chunk)
+                inner.queue.write_buffer(&buffer.inner.raw, at, chunk);
             })?;
             at += chunk.len() as u64;
         }

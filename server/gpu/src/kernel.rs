@@ -144,7 +144,7 @@ impl KernelStore {
         result
     }
 
-    pub(crate) fn from_source(
+    pub(crate) fn compile_source(
         &self,
         gpu: &Inner,
         name: &str,

@@ -18,8 +18,8 @@ const MAX_BYTES: u64 = 256 << 20;
 pub(crate) fn file_path(directory: &Path, info: &wgpu::AdapterInfo) -> PathBuf {
     let key = format!("{}|{}|{}|{}", info.name, info.driver, info.driver_info, info.backend);
     let digest = Sha256::digest(key.as_bytes());
-    let short: String = digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-    directory.join(format!("pipelines-v1-{:04x}-{:04x}-{short}.bin", info.vendor, info.device))
+    let short = digest.iter().take(8).fold(0_u64, |hash, &byte| hash << 8 | u64::from(byte));
+    directory.join(format!("pipelines-v1-{:04x}-{:04x}-{short:016x}.bin", info.vendor, info.device))
 }
 
 /// The driver's data, if the file is whole.

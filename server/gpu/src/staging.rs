@@ -42,13 +42,12 @@ impl StagingRing {
                 return Ok(free.swap_remove(index));
             }
         }
-        let admission = match ledger.admit("read back", MemoryKind::Staging, size_bytes) {
-            Ok(admission) => admission,
-            Err(_) => {
-                self.free.lock().clear();
-                ledger.admit("read back", MemoryKind::Staging, size_bytes)?
-            }
-        };
+        let admit = || ledger.admit("read back", MemoryKind::Staging, size_bytes);
+        // Buffers kept for reuse make room for one that is needed.
+        let admission = admit().or_else(|_| {
+            self.free.lock().clear();
+            admit()
+        })?;
         let raw = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
             size: size_bytes,

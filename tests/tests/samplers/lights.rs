@@ -304,17 +304,25 @@ fn an_environment_image_gives_its_irradiance_and_its_density_is_what_is_drawn() 
     for normal in NORMALS {
         expect("environment", bench.irradiance(Vec3::ZERO, normal), environment_irradiance(&map, normal));
     }
-    // Density over a fine grid, summed over texels, against how often each was drawn.
+    // The density over a fine grid integrates to one. Inside a texel it goes with 1 / sin(theta), so that the mean of
+    // their product is the probability of the texel, which is then held against how often it was drawn.
     let (rows, columns) = (512, 1024);
     let grid = bench.draw(Vec3::ZERO, rows * columns, columns);
-    let solid_angle = 4.0 * PI / f64::from(rows * columns);
+    let integral = grid.iter().map(|point| f64::from(point.pdf)).sum::<f64>() * 4.0 * PI / f64::from(rows * columns);
+    assert!((integral - 1.0).abs() < 5e-3, "the density integrates to {integral}");
     let size = [map.width, map.height];
-    let mut expected = vec![0.0; (map.width * map.height) as usize];
+    let texel_count = f64::from(map.width * map.height);
+    let mut sums = vec![(0.0, 0.0); texel_count as usize];
     for point in &grid {
-        expected[environment_texel(size, Vec3::from_array(point.direction))] += f64::from(point.pdf) * solid_angle;
+        let direction = Vec3::from_array(point.direction);
+        let sin_theta = f64::from(1.0 - direction.y * direction.y).sqrt();
+        let (sum, points) = &mut sums[environment_texel(size, direction)];
+        *sum += f64::from(point.pdf) * sin_theta * 2.0 * PI * PI / texel_count;
+        *points += 1.0;
     }
+    let mut expected: Vec<f64> = sums.iter().map(|(sum, points)| sum / points).collect();
     let sum: f64 = expected.iter().sum();
-    assert!((sum - 1.0).abs() < 5e-3, "the density integrates to {sum}");
+    assert!((sum - 1.0).abs() < 5e-3, "the texels' probabilities add up to {sum}");
     let mut observed = vec![0.0; expected.len()];
     let drawn = bench.draw(Vec3::ZERO, COUNT, 0);
     let mut at_poles = 0;
