@@ -29,6 +29,15 @@ const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
 /// A submission that takes longer is taken for a hanging driver, when nothing else is said.
 const DEFAULT_SUBMISSION_LIMIT: Duration = Duration::from_secs(30);
 
+/// How passes are timed, and with that how they are submitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassTiming {
+    /// Each pass is a submission of its own, timed around submitting and waiting.
+    WallClock,
+    /// One submission with timestamps around each pass; no times where the device has no timestamps.
+    Timestamps,
+}
+
 /// How to open the device.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
@@ -38,6 +47,8 @@ pub struct GpuOptions {
     pub cache_dir: Option<PathBuf>,
     /// Most bytes to use. Half of the machine's memory on CPU devices and 4 GiB on others otherwise.
     pub memory_budget_bytes: Option<u64>,
+    /// Wall clock on CPU devices, whose timestamps mean nothing, and timestamps on others otherwise.
+    pub pass_timing: Option<PassTiming>,
     /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise.
     pub submission_limit: Option<Duration>,
     /// Lets [`Gpu::force_loss`] work. For tests.
@@ -55,7 +66,8 @@ pub(crate) struct Inner {
     pub(crate) queue: wgpu::Queue,
     pub(crate) id: u64,
     pub(crate) report: AdapterReport,
-    /// Whether GPU timestamps are to be had and to be trusted.
+    pub(crate) timing: PassTiming,
+    /// Whether timestamps are wanted and to be had.
     pub(crate) has_timestamps: bool,
     /// Whether every pass has an error scope of its own.
     pub(crate) checks_passes: bool,
@@ -95,10 +107,12 @@ impl Gpu {
         let is_cpu = report.kind == AdapterKind::Cpu;
         let wanted = wgpu::Features::SUBGROUP | wgpu::Features::PIPELINE_CACHE | wgpu::Features::TIMESTAMP_QUERY;
         let mut features = adapter.features() & wanted;
-        if is_cpu {
-            // Software renderers answer timestamp queries with numbers that mean nothing.
-            features.remove(wgpu::Features::TIMESTAMP_QUERY);
-        }
+        let default_timing = if is_cpu { PassTiming::WallClock } else { PassTiming::Timestamps };
+        let timing = options.pass_timing.unwrap_or(default_timing);
+        features.set(
+            wgpu::Features::TIMESTAMP_QUERY,
+            timing == PassTiming::Timestamps && features.contains(wgpu::Features::TIMESTAMP_QUERY),
+        );
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("surfelcast"),
             required_features: features,
@@ -139,6 +153,7 @@ impl Gpu {
             device,
             queue,
             id: next_id(),
+            timing,
             has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             checks_passes: cfg!(debug_assertions)
                 || std::env::var_os("SURFELCAST_GPU_CHECKS").is_some_and(|v| v == "1"),

@@ -1,14 +1,14 @@
 //! Running a graph: encoding, timing, waiting, bringing bytes back.
 //!
 //! GPUs get one submission with a pair of timestamps around each pass. CPU devices get one submission a pass, timed by
-//! the wall clock around submitting and waiting, since their timestamps are wrong.
+//! the wall clock around submitting and waiting, since their timestamps are wrong ([`PassTiming`]).
 
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::device::{Gpu, Inner};
+use crate::device::{Gpu, Inner, PassTiming};
 use crate::error::GpuError;
 use crate::graph::{Bound, DispatchSize, Graph, Pass, ReadBack, Step, Ticket};
 use crate::staging::StagingBuffer;
@@ -210,7 +210,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
     });
     let staging: Vec<StagingBuffer> = staging.collect::<Result<_, _>>()?;
 
-    let is_cpu = inner.report.kind == crate::adapter::AdapterKind::Cpu;
+    let by_wall_clock = inner.timing == PassTiming::WallClock;
     let dispatch_count = graph.steps.iter().filter(|step| matches!(step, Step::Pass(_))).count();
     let queries = (inner.has_timestamps && dispatch_count > 0).then(|| {
         let count = dispatch_count.min(TIMED_PASSES) as u32 * 2;
@@ -257,13 +257,13 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
                     })?;
                     let submitted_at = Instant::now();
                     let index = inner.scoped(&context, 0, || inner.queue.submit([before.finish(), commands]))?;
-                    if is_cpu {
+                    if by_wall_clock {
                         inner.wait_for(&index, inner.submission_limit, &graph.label)?;
                         passes[place].gpu_ms += submitted_at.elapsed().as_secs_f64() * 1e3;
                     }
                 } else {
                     encode(&mut encoder);
-                    if is_cpu {
+                    if by_wall_clock {
                         let commands = std::mem::replace(&mut encoder, new_encoder(inner, &graph.label)).finish();
                         let submitted_at = Instant::now();
                         let index = inner.queue.submit([commands]);

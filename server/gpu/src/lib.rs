@@ -21,7 +21,7 @@ mod staging;
 mod tracker;
 
 pub use adapter::{AdapterKind, AdapterReport, GpuLimits, Tier, adapters};
-pub use device::{Gpu, GpuOptions};
+pub use device::{Gpu, GpuOptions, PassTiming};
 pub use error::GpuError;
 pub use execute::{GraphReport, PassTime, Submission};
 pub use graph::{Graph, PassBuilder, Ticket};

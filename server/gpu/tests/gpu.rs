@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use surfelcast_gpu::{Buffer, Gpu, GpuError, GpuOptions, Kernel, MemoryKind, adapters};
+use surfelcast_gpu::{Buffer, Gpu, GpuError, GpuOptions, Kernel, MemoryKind, PassTiming, adapters};
 use surfelcast_shaders::{Feature, Features};
 
 const DOUBLE: &str = "
@@ -116,9 +116,17 @@ fn a_pass_runs_and_its_bytes_come_back() {
 
 #[test]
 fn passes_see_each_other_and_each_its_own_uniforms() {
-    let Setup { gpu, kernel, source, result } = setup();
+    // One submission a pass, and one for all: what software and what graphics cards do.
+    for timing in [PassTiming::WallClock, PassTiming::Timestamps] {
+        chain_passes(open(&GpuOptions { pass_timing: Some(timing), ..GpuOptions::default() }));
+    }
+}
+
+fn chain_passes(gpu: Gpu) {
+    let Setup { gpu, kernel, source, result } = setup_on(gpu);
     let second = gpu.buffer("second", MemoryKind::View, COUNT as u64 * 4).expect("fits");
     let mut graph = gpu.graph("chain");
+    let mut between = Vec::new();
     for (from, to, factor) in [(&source, &result, 2.0), (&result, &second, 10.0)] {
         graph
             .pass(&kernel)
@@ -127,8 +135,7 @@ fn passes_see_each_other_and_each_its_own_uniforms() {
             .uniform("params", &params(factor, 0.0))
             .dispatch([16, 1, 1])
             .expect("records");
-        // Read back between: later passes must not show.
-        graph.read_back(&result, 0..16).expect("records");
+        between.push(graph.read_back(&result, 12..16).expect("records"));
     }
     graph.clear(&result).expect("records");
     let cleared = graph.read_back(&result, 5..7).expect("records");
@@ -136,9 +143,39 @@ fn passes_see_each_other_and_each_its_own_uniforms() {
     let mut report = graph.submit().expect("submits").wait().expect("runs");
     assert_eq!(report.passes.len(), 1, "dispatches of one kernel are summed");
     assert_eq!(report.passes[0].dispatches, 2);
+    assert!(report.passes[0].gpu_ms >= 0.0 && report.gpu_ms() < 60_000.0, "{report:?}");
     assert_eq!(from_bytes(&report.take(ticket).expect("there")), [60.0]);
-    assert_eq!(report.take(cleared).expect("there"), [0, 0]);
+    assert_eq!(report.take(cleared).expect("there"), [0, 0], "cleared after the passes");
+    for earlier in between {
+        assert_eq!(from_bytes(&report.take(earlier).expect("there")), [6.0], "later steps do not show");
+    }
     assert!(report.take(ticket).is_err(), "bytes are taken once");
+    assert_eq!(gpu.errors(), []);
+}
+
+#[test]
+fn many_graphs_can_be_on_their_way() {
+    let setup = setup_on(open(&GpuOptions { pass_timing: Some(PassTiming::Timestamps), ..GpuOptions::default() }));
+    let submissions: Vec<_> = (0..20)
+        .map(|factor| {
+            let mut graph = setup.gpu.graph("in flight");
+            graph
+                .pass(&setup.kernel)
+                .read("source", &setup.source)
+                .read_write("result", &setup.result)
+                .uniform("params", &params(factor as f32, 0.0))
+                .dispatch([16, 1, 1])
+                .expect("records");
+            let ticket = graph.read_back(&setup.result, 4..8).expect("records");
+            (factor, ticket, graph.submit().expect("submits"))
+        })
+        .collect();
+    assert!(setup.gpu.memory().staging_bytes > 0);
+    // Waited for in another order than submitted.
+    for (factor, ticket, submission) in submissions.into_iter().rev() {
+        let mut report = submission.wait().expect("runs");
+        assert_eq!(from_bytes(&report.take(ticket).expect("there")), [factor as f32]);
+    }
 }
 
 #[test]
