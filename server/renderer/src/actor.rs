@@ -354,6 +354,7 @@ impl Actor {
             cache_dir: self.config.cache_dir.clone(),
             memory_budget_bytes: self.config.memory_budget_bytes,
             allow_forced_loss: self.config.allow_forced_loss,
+            ..GpuOptions::default()
         };
         for wait in REOPEN_WAITS {
             std::thread::sleep(wait);
