@@ -176,10 +176,10 @@ impl Default for Timeouts {
             ack_close: Duration::from_secs(15),
             ping: Duration::from_secs(15),
             session_grace: Duration::from_secs(3),
-            resume: Duration::from_secs(120),
-            prefer_wait: Duration::from_secs(60),
+            resume: Duration::from_mins(2),
+            prefer_wait: Duration::from_mins(1),
             drain: Duration::from_secs(10),
-            idempotency: Duration::from_secs(24 * 3600),
+            idempotency: Duration::from_hours(24),
         }
     }
 }

@@ -6,7 +6,6 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
@@ -15,8 +14,8 @@ use futures_util::stream::SplitStream;
 use parking_lot::Mutex;
 use surfelcast_protocol::client::Hello;
 use surfelcast_protocol::close;
-use surfelcast_protocol::server::{NoticeKind, ServerMessage, SessionInfo, TechniqueInfo, Welcome};
-use surfelcast_protocol::settings::{Codec, NamedPose};
+use surfelcast_protocol::server::{NoticeKind, ServerMessage};
+use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::scene::Camera;
 use surfelcast_renderer::{DeviceState, Frame, FrameSlot, RendererStatus, ViewKey, ViewState};
 use surfelcast_stream::{AckWindow, QualityLoop, StillSchedule};
@@ -31,7 +30,6 @@ use crate::resume::Resumable;
 use crate::sessions::Member;
 use crate::state::ServiceState;
 use crate::text::{clean_name, random_id};
-use crate::validate::pose_of;
 use crate::wishes::Wishes;
 
 /// The first frame waits this long for the client to say its size.
@@ -109,7 +107,7 @@ pub(crate) struct Connection {
     next_ping: Duration,
     missed_pings: u32,
     draining_until: Option<Duration>,
-    token: String,
+    pub(crate) token: String,
     superseded: CancellationToken,
 }
 
@@ -124,17 +122,14 @@ impl Connection {
         let status = state.renderer_status();
         let session = member.live.meta.session_id().to_owned();
         let resumed = hello.resume.as_deref().and_then(|token| state.resume().take(token, &session));
-        let wishes = match resumed {
-            Some(resumed) => {
-                metrics::counter!("surfelcast_resumes_total").increment(1);
-                let wishes = resumed.wishes.lock().clone();
-                // The codecs on offer may be others now.
-                Wishes { codec: wishes.codec.filter(|codec| hello.caps.codecs.contains(codec)), ..wishes }
-            }
-            None => {
-                let technique = status.techniques.first().map_or("", |technique| technique.id);
-                Wishes::of_scene(&member.live.scene, technique, hello.caps.max_px.unwrap_or(u64::MAX))
-            }
+        let wishes = if let Some(resumed) = resumed {
+            metrics::counter!("surfelcast_resumes_total").increment(1);
+            let wishes = resumed.wishes.lock().clone();
+            // The codecs on offer may be others now.
+            Wishes { codec: wishes.codec.filter(|codec| hello.caps.codecs.contains(codec)), ..wishes }
+        } else {
+            let technique = status.techniques.first().map_or("", |technique| technique.id);
+            Wishes::of_scene(&member.live.scene, technique, hello.caps.max_px.unwrap_or(u64::MAX))
         };
         let token = match random_id() {
             Ok(token) => token,
@@ -192,45 +187,6 @@ impl Connection {
         match sent.and_then(|()| connection.outbox.control(&lights)) {
             Ok(()) => Ok(connection),
             Err(overflow) => Err(connection.finish(overflow.into()).await),
-        }
-    }
-
-    fn welcome(&self, status: &RendererStatus) -> Welcome {
-        static CONNECTIONS: AtomicU64 = AtomicU64::new(1);
-        let live = &self.member.live;
-        let scene = &live.scene;
-        let named = |camera: &surfelcast_renderer::scene::NamedCamera| NamedPose {
-            name: camera.name.clone(),
-            pose: pose_of(&camera.camera),
-            exposure: scene.exposure_for(&camera.name),
-        };
-        let technique = |t: &surfelcast_renderer::status::TechniqueDescription| TechniqueInfo {
-            id: t.id.into(),
-            label: t.label.into(),
-            summary: t.summary.into(),
-        };
-        Welcome {
-            v: surfelcast_protocol::VERSION,
-            conn: format!("c{}", CONNECTIONS.fetch_add(1, Ordering::Relaxed)),
-            session: SessionInfo {
-                id: live.meta.session_id().to_owned(),
-                scene: live.meta.id.clone(),
-                scene_name: live.meta.name.clone(),
-                scene_rev: live.revision(),
-                epoch: status.epoch,
-                triangle_count: live.meta.triangle_count,
-            },
-            limits: self.state.config().limits,
-            techniques: status.techniques.iter().map(technique).collect(),
-            cameras: scene.cameras.iter().map(named).collect(),
-            center: (scene.origin + scene.bounds.center().as_dvec3()).to_array(),
-            radius: f64::from(scene.bounds.radius()),
-            warnings: live.meta.warnings.clone(),
-            server_ms: self.state.server_ms(),
-            resume_token: self.token.clone(),
-            grace_ms: self.state.config().timeouts.resume.as_millis() as u32,
-            server: self.state.config().server.clone(),
-            device: status.device.name.clone(),
         }
     }
 

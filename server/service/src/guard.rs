@@ -46,9 +46,8 @@ pub(crate) fn content_security_policy(config: &ServiceConfig) -> String {
 
 fn check(config: &ServiceConfig, local: SocketAddr, method: &Method, headers: &HeaderMap) -> Result<(), ApiError> {
     let forbidden = |code, detail: String| Err(ApiError::new(StatusCode::FORBIDDEN, code, detail));
-    let host = match single(headers, &header::HOST)? {
-        Some(host) => host,
-        None => return Err(ApiError::bad_request("Host: the header is missing")),
+    let Some(host) = single(headers, &header::HOST)? else {
+        return Err(ApiError::bad_request("Host: the header is missing"));
     };
     let Some(name) = host_name(host) else {
         return Err(ApiError::bad_request("Host: not a host name with an optional port"));

@@ -131,7 +131,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn the_four_answers() {
-        let keys = IdempotencyKeys::new(8, Duration::from_secs(60));
+        let keys = IdempotencyKeys::new(8, Duration::from_mins(1));
         assert!(keys.begin(&HeaderMap::new(), "h").expect("no key").is_none());
         let Ok(Some(Begin::First(mut first))) = keys.begin(&headers("k"), "h") else { panic!("first") };
         assert_eq!(keys.begin(&headers("k"), "h").expect_err("in flight").status(), StatusCode::CONFLICT);
@@ -146,7 +146,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn failures_free_the_key_and_memory_is_bounded() {
-        let keys = IdempotencyKeys::new(4, Duration::from_secs(60));
+        let keys = IdempotencyKeys::new(4, Duration::from_mins(1));
         drop(keys.begin(&headers("k"), "h").expect("first"));
         assert!(matches!(keys.begin(&headers("k"), "h"), Ok(Some(Begin::First(_)))));
         for i in 0..50 {

@@ -212,12 +212,11 @@ impl Jobs {
     fn settle(&self, job: &Job, outcome: JobState, bounds: &Bounds) {
         let mut table = self.table.lock();
         table.active -= 1;
-        let bytes = match &outcome {
-            JobState::Succeeded(output) => output.pixels.len() as u64 * 12,
-            _ => {
-                table.forget_key(job);
-                0
-            }
+        let bytes = if let JobState::Succeeded(output) = &outcome {
+            std::mem::size_of_val(output.pixels.as_slice()) as u64
+        } else {
+            table.forget_key(job);
+            0
         };
         if table.by_id.contains_key(&job.id) {
             table.finished.push_back((job.id.clone(), bytes));

@@ -52,6 +52,7 @@ mod socket;
 mod state;
 mod text;
 mod validate;
+mod welcome;
 mod wishes;
 
 pub use config::{Bounds, ServiceConfig, Timeouts};

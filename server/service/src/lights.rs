@@ -140,10 +140,11 @@ fn light_of(id: u32, light: &PunctualLight, origin: DVec3) -> Light {
 
 fn checked(field: &str, light: &Light) -> Checked<Light> {
     position(&format!("{field}.position"), light.position)?;
-    if light.kind != LightKind::Point {
-        direction(&format!("{field}.direction"), light.direction)?;
-    } else {
+    if light.kind == LightKind::Point {
+        // Not used, but a number all the same.
         position(&format!("{field}.direction"), light.direction)?;
+    } else {
+        direction(&format!("{field}.direction"), light.direction)?;
     }
     for channel in light.color {
         within(&format!("{field}.color"), channel, 0.0, 1.0)?;
@@ -219,7 +220,8 @@ mod tests {
         set.apply(&add(lamp()), 1).expect("valid");
         let full = set.apply(&add(lamp()), 1).expect_err("full");
         assert!(full.contains("1 lights"), "{full}");
-        let bad: [(fn(&mut Light), &str); 6] = [
+        type Edit = fn(&mut Light);
+        let bad: [(Edit, &str); 6] = [
             (|l| l.position[0] = f64::NAN, "position"),
             (|l| l.direction = [0.0; 3], "direction"),
             (|l| l.color[1] = f32::INFINITY, "color"),

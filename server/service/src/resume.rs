@@ -94,7 +94,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn tokens_work_once_within_their_time_and_session() {
-        let tokens = ResumeTokens::new(8, Duration::from_secs(120));
+        let tokens = ResumeTokens::new(8, Duration::from_mins(2));
         tokens.insert("a".into(), view("s"));
         assert!(tokens.take("a", "other").is_none());
         tokens.left("a");
@@ -109,7 +109,7 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn taking_over_supersedes_and_memory_is_bounded() {
-        let tokens = ResumeTokens::new(2, Duration::from_secs(120));
+        let tokens = ResumeTokens::new(2, Duration::from_mins(2));
         let open = view("s");
         tokens.insert("open".into(), open.clone());
         for i in 0..100 {

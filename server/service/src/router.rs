@@ -46,7 +46,7 @@ pub fn router(state: ServiceState) -> Router {
     for route in routes() {
         // A file's path may have several segments.
         let path = route.path.replace("/assets/{path}", "/assets/{*path}");
-        app = app.route(&path, route.handlers.fallback(move || wrong_method(route.methods)));
+        app = app.route(&path, route.handlers.fallback(move || std::future::ready(wrong_method(route.methods))));
     }
     app.fallback(not_found)
         // Handlers read bodies themselves, each with its own cap and rate floor.
@@ -59,7 +59,7 @@ async fn not_found() -> Response {
     ApiError::not_found("path: nothing is served here; /docs lists what is").into_response()
 }
 
-async fn wrong_method(methods: &'static [Method]) -> Response {
+fn wrong_method(methods: &'static [Method]) -> Response {
     let allowed = methods.iter().map(Method::as_str).collect::<Vec<_>>().join(", ");
     let detail = format!("method: this path answers {allowed}");
     let error = ApiError::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", detail);

@@ -133,14 +133,13 @@ impl Sessions {
         if slot.members.load(Ordering::Acquire) >= limit {
             return Err(JoinError::Full(limit));
         }
-        let open = match live.as_ref() {
-            Some(open) => Arc::clone(open),
-            None => {
-                let kept = slot.kept.lock().take();
-                let open = open(state, &entry, kept).await.map_err(JoinError::Refused)?;
-                *live = Some(Arc::clone(&open));
-                open
-            }
+        let open = if let Some(open) = live.as_ref() {
+            Arc::clone(open)
+        } else {
+            let kept = slot.kept.lock().take();
+            let open = open(state, &entry, kept).await.map_err(JoinError::Refused)?;
+            *live = Some(Arc::clone(&open));
+            open
         };
         slot.members.fetch_add(1, Ordering::AcqRel);
         metrics::gauge!("surfelcast_views").increment(1.0);

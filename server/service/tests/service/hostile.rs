@@ -177,7 +177,7 @@ async fn narrow_client(service: &Service) -> Client {
 
 #[tokio::test]
 async fn a_frozen_reader_is_let_go_and_disturbs_nobody() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.ack_close = Duration::from_secs(60)).await;
+    let service = Service::with(Manners::default(), |c| c.timeouts.ack_close = Duration::from_mins(1)).await;
     let mut frozen = narrow_client(&service).await;
     // Lossless pictures of noise, 3 MB each: the socket buffers fill at once.
     frozen.send(json!({"t": "view.set", "w": 1280, "h": 800})).await;
@@ -204,7 +204,7 @@ async fn control_messages_that_pile_up_disconnect() {
     // The frozen client gets no frames (paused), only other people's light edits.
     let service = Service::with(Manners::default(), |c| {
         c.bounds.outbox_bytes = 64 << 10;
-        c.timeouts.send_stall = Duration::from_secs(60);
+        c.timeouts.send_stall = Duration::from_mins(1);
     })
     .await;
     let mut frozen = narrow_client(&service).await;

@@ -140,7 +140,7 @@ async fn draining_lets_work_finish() {
 
 #[tokio::test]
 async fn draining_has_a_deadline() {
-    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
     let mut service = Service::with(manners, |c| c.timeouts.drain = Duration::from_millis(300)).await;
     let body = json!({"scene": service.scene_id()}).to_string();
     service.post("/v1/renders", &[("content-type", "application/json")], body).await;

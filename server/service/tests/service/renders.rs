@@ -10,7 +10,7 @@ use surfelcast_renderer::{DeviceState, RendererError};
 use crate::fake::{Manners, Told};
 use crate::support::{Answer, Service};
 
-fn body(service: &Service, more: Value) -> String {
+fn body(service: &Service, more: &Value) -> String {
     let mut body = json!({"scene": service.scene_id(), "width": 32, "height": 24, "samples_per_pixel": 4});
     body.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
     body.to_string()
@@ -19,7 +19,7 @@ fn body(service: &Service, more: Value) -> String {
 async fn render(service: &Service, headers: &[(&str, &str)], more: Value) -> Answer {
     let headers: Vec<(&str, &str)> =
         [("content-type", "application/json")].into_iter().chain(headers.iter().copied()).collect();
-    service.post("/v1/renders", &headers, body(service, more)).await
+    service.post("/v1/renders", &headers, body(service, &more)).await
 }
 
 fn renders(service: &Service) -> usize {
@@ -118,7 +118,7 @@ async fn a_job_can_be_followed_and_fetched() {
 
 #[tokio::test]
 async fn waiting_is_bounded_by_the_request() {
-    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
     let service = Service::with(manners, |_| {}).await;
     let answer = render(&service, &[("prefer", "wait=0"), ("accept", "image/png")], json!({})).await;
     assert_eq!(answer.status, StatusCode::ACCEPTED);
@@ -127,7 +127,7 @@ async fn waiting_is_bounded_by_the_request() {
 
 #[tokio::test]
 async fn cancel_stops_the_renderer() {
-    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
     let service = Service::with(manners, |_| {}).await;
     let location = render(&service, &[], json!({})).await.header("location").to_owned();
     let canceled = service.post(&format!("{location}/cancel"), &[], "").await;
@@ -180,7 +180,7 @@ async fn bad_requests_name_the_field() {
 
 #[tokio::test]
 async fn the_queue_is_bounded() {
-    let manners = Manners { job_time: Duration::from_secs(3600), ..Manners::default() };
+    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
     let service = Service::with(manners, |c| c.bounds.active_renders = 2).await;
     for seed in 0..2 {
         assert_eq!(render(&service, &[], json!({"seed": seed})).await.status, StatusCode::ACCEPTED);
@@ -234,7 +234,6 @@ async fn failures_have_their_status() {
 async fn idempotency_keys() {
     let manners = Manners { job_time: Duration::from_millis(300), ..Manners::default() };
     let service = Service::with(manners, |_| {}).await;
-    // A deadline keeps equal requests apart only by their key: the cache would merge them otherwise.
     let ask = |wait: &'static str, seed: u64| {
         let headers = vec![("idempotency-key", "abc"), ("prefer", wait), ("accept", "application/json")];
         let service = &service;

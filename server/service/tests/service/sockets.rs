@@ -65,7 +65,7 @@ async fn header_bombs_are_refused() {
     let service = Service::start().await;
     for bomb in [
         format!("X-Long: {}\r\n", "a".repeat(1 << 20)),
-        (0..10_000).map(|i| format!("X-{i}: a\r\n")).collect::<String>(),
+        "X-Many: a\r\n".repeat(10_000),
         format!("Sec-WebSocket-Key: {}\r\nUpgrade: websocket\r\n", "a".repeat(1 << 20)),
     ] {
         let mut socket = TcpStream::connect(service.addr).await.expect("connects");
