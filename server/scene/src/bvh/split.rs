@@ -76,18 +76,19 @@ impl Task<'_> {
         }
         // what is left of the depth must be enough to halve the rest
         let is_deep = self.depth + items.len().ilog2() + 2 > MAX_BINARY_DEPTH;
-        if self.split == Split::SurfaceArea && !is_deep {
-            if let Some((axis, bin)) = self.cheapest(items, &centers) {
-                let mut middle = 0;
-                for k in 0..items.len() {
-                    if bin_of(center(items[k])[axis], &centers, axis) < bin {
-                        items.swap(middle, k);
-                        middle += 1;
-                    }
+        if self.split == Split::SurfaceArea
+            && !is_deep
+            && let Some((axis, bin)) = self.cheapest(items, &centers)
+        {
+            let mut middle = 0;
+            for k in 0..items.len() {
+                if bin_of(center(items[k])[axis], &centers, axis) < bin {
+                    items.swap(middle, k);
+                    middle += 1;
                 }
-                if middle > 0 && middle < items.len() {
-                    return middle;
-                }
+            }
+            if middle > 0 && middle < items.len() {
+                return middle;
             }
         }
         let axis = centers.largest_axis();

@@ -246,7 +246,11 @@ fn build_shell(writer: &mut Writer, s: &Shell, p: &Palette) {
     writer.place("walls", walls);
 
     let slab = |x: [f32; 2], y: [f32; 2], z: [f32; 2]| {
-        Mesh::block(x[1] - x[0], y[1] - y[0], z[1] - z[0]).at((x[0] + x[1]) / 2.0, y[0], (z[0] + z[1]) / 2.0)
+        Mesh::block(x[1] - x[0], y[1] - y[0], z[1] - z[0]).at(
+            f32::midpoint(x[0], x[1]),
+            y[0],
+            f32::midpoint(z[0], z[1]),
+        )
     };
     let mut floors = Object::default();
     floors.add(s.boards, slab([-0.26, 6.075], [-0.2, 0.0], [-3.72, 5.26]));
@@ -271,17 +275,17 @@ fn build_shell(writer: &mut Writer, s: &Shell, p: &Palette) {
         object.add(s.paint, place(mesh));
     };
     for [from, to, low, high] in SOUTH {
-        let x = 10.2 - (from + to) / 2.0;
+        let x = 10.2 - f32::midpoint(from, to);
         sash(&mut frames, to - from, high - low, &|mesh| mesh.at(x, low, 5.17));
         frames.add(s.paint, Mesh::pillow(to - from + 0.1, 0.03, 0.2, 0.008, 1).at(x, low - 0.02, 5.0));
     }
     for [from, to, low, high] in WEST {
-        let z = 5.1 - (from + to) / 2.0;
+        let z = 5.1 - f32::midpoint(from, to);
         sash(&mut frames, to - from, high - low, &|mesh| mesh.turned(90.0).at(-0.17, low, z));
         frames.add(s.paint, Mesh::pillow(0.2, 0.03, to - from + 0.1, 0.008, 1).at(0.0, low - 0.02, z));
     }
     for [from, to, low, high] in EAST {
-        let z = (from + to) / 2.0 - 0.1;
+        let z = f32::midpoint(from, to) - 0.1;
         sash(&mut frames, to - from, high - low, &|mesh| mesh.turned(90.0).at(10.17, low, z));
         frames.add(s.paint, Mesh::pillow(0.2, 0.03, to - from + 0.1, 0.008, 1).at(10.0, low - 0.02, z));
     }
@@ -301,7 +305,7 @@ fn skirting(writer: &mut Writer, s: &Shell) {
     let mut boards = Object::default();
     let (high, thick) = (0.08, 0.015);
     let mut along_x = |from: f32, to: f32, z: f32| {
-        boards.add(s.paint, Mesh::block(to - from, high, thick).at((from + to) / 2.0, -0.002, z));
+        boards.add(s.paint, Mesh::block(to - from, high, thick).at(f32::midpoint(from, to), -0.002, z));
     };
     along_x(0.0, 2.95, 0.0065);
     along_x(4.0, 6.0, 0.0065);
@@ -311,7 +315,7 @@ fn skirting(writer: &mut Writer, s: &Shell) {
     along_x(4.0, 4.5, -0.1565);
     along_x(0.0, 4.5, -3.4935);
     let mut along_z = |from: f32, to: f32, x: f32| {
-        boards.add(s.paint, Mesh::block(thick, high - 0.002, to - from).at(x, -0.002, (from + to) / 2.0));
+        boards.add(s.paint, Mesh::block(thick, high - 0.002, to - from).at(x, -0.002, f32::midpoint(from, to)));
     };
     along_z(0.0, 5.0, 0.0065);
     along_z(0.0, 5.0, 9.9935);

@@ -266,8 +266,8 @@ pub(super) fn wall(start: Vec2, end: Vec2, thickness: f32, heights: [f32; 2], op
         if i < 0 || j < 0 || i as usize + 1 >= us.len() || j as usize + 1 >= vs.len() {
             return false;
         }
-        let u = (us[i as usize] + us[i as usize + 1]) / 2.0;
-        let v = (vs[j as usize] + vs[j as usize + 1]) / 2.0;
+        let u = f32::midpoint(us[i as usize], us[i as usize + 1]);
+        let v = f32::midpoint(vs[j as usize], vs[j as usize + 1]);
         !openings.iter().any(|o| u > o[0] && u < o[1] && v > o[2] && v < o[3])
     };
     let mut mesh = Mesh::default();

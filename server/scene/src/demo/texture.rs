@@ -52,7 +52,7 @@ pub(super) fn wood(dark: Vec3, light: Vec3, planks: i32, seed: u32) -> Vec<u8> {
             .clamp(0.0, 1.0);
         // two joints a board, staggered
         let joint = ((v * 2.0 + shift).fract() - 0.5).abs() > 0.496;
-        let gap = planks > 1 && (across < 0.02 || across > 0.98 || joint);
+        let gap = planks > 1 && (!(0.02..=0.98).contains(&across) || joint);
         dark.lerp(light, tone) * if gap { 0.45 } else { 1.0 }
     })
 }

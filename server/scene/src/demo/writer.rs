@@ -67,7 +67,7 @@ impl Writer {
 
     /// Places one object several times: position and turn about the vertical axis, degrees.
     pub(super) fn repeat(&mut self, name: &str, object: Object, placements: &[(Vec3, f32)]) {
-        let primitives: Vec<Value> = object.parts.into_iter().map(|(id, mesh)| self.primitive(id, mesh)).collect();
+        let primitives: Vec<Value> = object.parts.into_iter().map(|(id, mesh)| self.primitive(id, &mesh)).collect();
         let mesh = self.glb.push("meshes", json!({"name": name, "primitives": primitives}));
         for (position, degrees) in placements {
             let rotation = Quat::from_rotation_y(degrees.to_radians()).to_array();
@@ -76,9 +76,9 @@ impl Writer {
         }
     }
 
-    fn primitive(&mut self, id: MaterialId, mesh: Mesh) -> Value {
-        let position = self.glb.floats(&mesh.positions.iter().map(|p| p.to_array()).collect::<Vec<_>>());
-        let mut attributes = json!({"POSITION": position, "NORMAL": self.normals(&mesh)});
+    fn primitive(&mut self, id: MaterialId, mesh: &Mesh) -> Value {
+        let position = self.glb.floats(&mesh.positions.iter().map(Vec3::to_array).collect::<Vec<_>>());
+        let mut attributes = json!({"POSITION": position, "NORMAL": self.normals(mesh)});
         if let Some(repeat) = self.repeats[id.0] {
             let uvs: Vec<[f32; 2]> = mesh.uvs.iter().map(|uv| (*uv * repeat).to_array()).collect();
             attributes["TEXCOORD_0"] = json!(self.glb.floats(&uvs));

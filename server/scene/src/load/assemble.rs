@@ -1,6 +1,7 @@
 //! Places meshes in the scene: baked copies in scene space, instances in their own space; then builds the hierarchies.
 
-use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -94,8 +95,8 @@ pub(crate) fn assemble(inputs: &Inputs<'_>) -> Result<Assembled, SceneError> {
                 *list = decode_deformed(inputs, instance.placed, &parts[&instance.mesh])?;
             }
             Placement::Baked { deformed: None } | Placement::Instanced => {
-                if !statics.contains_key(&instance.mesh) {
-                    statics.insert(instance.mesh, decode_static(inputs, &parts[&instance.mesh])?);
+                if let Entry::Vacant(slot) = statics.entry(instance.mesh) {
+                    slot.insert(decode_static(inputs, &parts[&instance.mesh])?);
                 }
             }
         }
@@ -156,7 +157,7 @@ fn choose_placements<'a>(inputs: &Inputs<'a>, parts: &Parts) -> Result<Vec<Use<'
         *uses_of_mesh.entry(mesh).or_default() += 1;
     }
     let (mut vertices, mut triangles, mut instances) = (0u64, 0u64, 1u64);
-    let mut admitted: BTreeMap<usize, ()> = BTreeMap::new();
+    let mut admitted: BTreeSet<usize> = BTreeSet::new();
     let mut uses = Vec::new();
     for placed in &inputs.hierarchy.placed {
         let Some(mesh) = document.nodes[placed.node].mesh else { continue };
@@ -169,7 +170,7 @@ fn choose_placements<'a>(inputs: &Inputs<'a>, parts: &Parts) -> Result<Vec<Use<'
         let is_small = mesh_triangles.saturating_mul(count) <= MAX_COPIED_TRIANGLES;
         let is_flat = DMat3::from_mat4(placed.world).determinant() == 0.0;
         let is_baked = count == 1 || is_emissive || is_deformed || is_small || is_flat;
-        if is_baked || admitted.insert(mesh, ()).is_none() {
+        if is_baked || admitted.insert(mesh) {
             vertices = vertices.saturating_add(mesh_vertices);
             triangles = triangles.saturating_add(mesh_triangles);
         }

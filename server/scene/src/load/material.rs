@@ -53,7 +53,7 @@ fn convert(item: &MaterialItem, index: usize, textures: &mut TextureLoader) -> R
     }
     let transmission = extensions.transmission.as_ref();
     let volume = extensions.volume.as_ref();
-    let distance = volume.and_then(|v| v.attenuation_distance).map(|d| d as f32).unwrap_or(f32::INFINITY);
+    let distance = volume.and_then(|v| v.attenuation_distance).map_or(f32::INFINITY, |d| d as f32);
     if distance.is_nan() || distance <= 0.0 {
         return Err(invalid(field("KHR_materials_volume.attenuationDistance"), "must be greater than 0"));
     }

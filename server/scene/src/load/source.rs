@@ -187,7 +187,7 @@ fn decode_data_uri(uri: &str, field: &str) -> Result<Vec<u8>, SceneError> {
 }
 
 /// The byte range `[offset, offset + length)` of a slice, with checked arithmetic.
-pub(crate) fn range<'a>(bytes: &'a [u8], offset: u64, length: u64) -> Option<&'a [u8]> {
+pub(crate) fn range(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
     let start = usize::try_from(offset).ok()?;
     let end = start.checked_add(usize::try_from(length).ok()?)?;
     bytes.get(start..end)

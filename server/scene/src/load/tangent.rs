@@ -51,7 +51,9 @@ fn uv_area(corners: &[u32; 3], uvs: &[[f32; 2]]) -> f32 {
 fn split_mirrored(data: &mut PrimitiveData, is_mirrored: &[bool]) -> Vec<usize> {
     let mut is_plain = vec![false; data.positions.len()];
     for (corners, _) in data.triangles.iter().zip(is_mirrored).filter(|(_, mirrored)| !**mirrored) {
-        corners.iter().for_each(|&corner| is_plain[corner as usize] = true);
+        for &corner in corners {
+            is_plain[corner as usize] = true;
+        }
     }
     let mut copies: Vec<Option<u32>> = vec![None; data.positions.len()];
     let mut originals: Vec<usize> = Vec::new();
