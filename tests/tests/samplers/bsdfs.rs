@@ -240,11 +240,12 @@ fn histograms_follow_their_densities() {
     suite.judge();
 }
 
+/// Side of the grid over two barycentric weights.
+const SIDE: usize = 16;
+
 #[test]
 fn points_fill_a_triangle_evenly() {
     let drawn = Bench::new().draw(&uniforms(TRIANGLE, VIEWS[0]));
-    // A grid of the second and third weight: whole squares below the diagonal, half ones on it.
-    const SIDE: usize = 16;
     let (mut observed, mut expected) = (vec![0.0; SIDE * SIDE], vec![0.0; SIDE * SIDE]);
     for draw in &drawn {
         let [w0, w1, w2] = draw.direction;
@@ -254,6 +255,7 @@ fn points_fill_a_triangle_evenly() {
         let index = |w: f32| ((w * SIDE as f32) as usize).min(SIDE - 1);
         observed[index(w1) * SIDE + index(w2)] += 1.0;
     }
+    // Whole squares below the diagonal, half ones on it.
     for (cell, expected) in expected.iter_mut().enumerate() {
         let share = match (cell / SIDE + cell % SIDE).cmp(&(SIDE - 1)) {
             std::cmp::Ordering::Less => 2.0,

@@ -1,7 +1,7 @@
 //! Next-event estimation on the device: its mean against integrals over the lights, its density against the density the
 //! other strategy of multiple importance sampling would state.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -160,7 +160,7 @@ fn some_punctual(glb: &mut GlbBuilder) {
             (
                 json!({"type": "spot", "intensity": 20.0, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.9}}),
                 // Shines down its -Z: turned to look down, a little aside of the point.
-                json!({"translation": [0.4, 1.8, 0.0], "rotation": [-0.707_106_8, 0.0, 0.0, 0.707_106_8]}),
+                json!({"translation": [0.4, 1.8, 0.0], "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]}),
             ),
             (json!({"type": "directional", "intensity": 2.0}), json!({"rotation": [-0.5, 0.0, 0.0, 0.866_025_4]})),
         ],
@@ -199,15 +199,16 @@ fn triangle_irradiance(scene: &Scene, position: Vec3, normal: Vec3) -> f64 {
         let face = (b - a).cross(c - a);
         let cell_area = face.length() * 0.5 / f64::from(STEPS * STEPS);
         for row in 0..STEPS {
-            for column in 0..2 * row + 1 {
+            for column in 0..=2 * row {
                 // Centroids of a regular subdivision: upright and inverted cells take turns.
                 let (up, k) = (column % 2 == 0, column / 2);
                 let (v, w) = if up { (1.0 / 3.0, 1.0 / 3.0) } else { (2.0 / 3.0, 2.0 / 3.0) };
                 let (i, j) = (f64::from(row - k) - if up { 0.0 } else { 1.0 } + v, f64::from(k) + w);
                 let point = a + (b - a) * (i / f64::from(STEPS)) + (c - a) * (j / f64::from(STEPS));
                 let to_light = point - position.as_dvec3();
-                let direction = to_light.normalize();
-                let cosines = normal.as_dvec3().dot(direction).max(0.0) * (-face.normalize().dot(direction)).max(0.0);
+                let direction = to_light.normalize_or_zero();
+                let cosines =
+                    normal.as_dvec3().dot(direction).max(0.0) * (-face.normalize_or_zero().dot(direction)).max(0.0);
                 sum += f64::from(light.mean_radiance[1]) * cosines / to_light.length_squared() * cell_area;
             }
         }
@@ -220,7 +221,7 @@ fn punctual_irradiance(scene: &Scene, position: Vec3, normal: Vec3) -> f64 {
     for light in &scene.punctual_lights {
         let intensity = f64::from(light.intensity[1]);
         let to_light = light.position - position;
-        let direction = to_light.normalize();
+        let direction = to_light.normalize_or_zero();
         let facing = f64::from(normal.dot(direction).max(0.0));
         let square = f64::from(to_light.length_squared());
         let in_range = to_light.length() <= light.range;

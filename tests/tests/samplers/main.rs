@@ -5,4 +5,5 @@ mod bsdfs;
 mod device;
 mod lights;
 mod statistics;
+mod surfaces;
 mod tracing;
