@@ -193,13 +193,12 @@ pub(super) fn plant(p: &Palette, height: f32, leaves: u32, seed: u32) -> Object 
     object
 }
 
-/// A standing lamp with an open shade.
+/// A standing lamp; its shade is what glows.
 pub(super) fn floor_lamp(p: &Palette) -> Object {
     let mut object = Object::default();
     object.add(p.black_metal, Mesh::cylinder(0.15, 0.025, 28));
     object.add(p.brass, Mesh::cylinder(0.011, 1.42, 16).at(0.0, 0.024, 0.0));
     object.add(p.shade, shade(0.13, 0.21, 0.28).at(0.0, 1.32, 0.0));
-    object.add(p.lamp, Mesh::ball(0.055, 10).at(0.0, 1.49, 0.0));
     object
 }
 
@@ -209,14 +208,13 @@ fn shade(top: f32, bottom: f32, height: f32) -> Mesh {
     Mesh::lathe(&[[bottom - wall, 0.0], [bottom, 0.0], [top, height], [top - wall, height], [bottom - wall, 0.0]], 28)
 }
 
-/// A lamp for a table.
+/// A lamp for a table, with a glowing shade.
 pub(super) fn table_lamp(p: &Palette) -> Object {
     let mut object = Object::default();
     let foot = [[0.0, 0.0], [0.075, 0.0], [0.09, 0.06], [0.07, 0.14], [0.02, 0.2], [0.012, 0.26], [0.0, 0.26]];
     object.add(p.glaze, Mesh::lathe(&foot, 26));
     object.add(p.brass, Mesh::cylinder(0.008, 0.07, 12).at(0.0, 0.255, 0.0));
     object.add(p.shade, shade(0.1, 0.17, 0.2).at(0.0, 0.27, 0.0));
-    object.add(p.lamp, Mesh::ball(0.04, 10).at(0.0, 0.362, 0.0));
     object
 }
 
@@ -231,7 +229,8 @@ pub(super) fn pendant(p: &Palette, drop: f32) -> Object {
     outline.push(bell[0]);
     object.add(p.brass, Mesh::lathe(&outline, 28));
     object.add(p.black_metal, Mesh::cylinder(0.004, drop - 0.19, 8).at(0.0, 0.195, 0.0));
-    object.add(p.lamp, Mesh::ball(0.05, 10).at(0.0, 0.09, 0.0));
+    // a diffuser that closes the bell and shines down
+    object.add(p.lamp, Mesh::lathe(&[[0.0, 0.0], [0.135, 0.0]], 28).at(0.0, 0.05, 0.0));
     object
 }
 
