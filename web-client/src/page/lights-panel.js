@@ -113,8 +113,9 @@ export class LightsPanel {
     const { pose } = this.view.rig;
     const distance = length(subtract(pose.eye, pose.target));
     const exposure = this.view.exposure;
-    // Above and in front of what is being looked at, bright enough to be seen at the present exposure.
-    const position = add(mix(pose.target, pose.eye, 0.3), scale(normalize(pose.up), 0.3 * distance));
+    // Between the eye and what is looked at, nearer to the eye and hardly lifted: there no wall or ceiling is in between.
+    // Bright enough to be seen at the present exposure.
+    const position = add(mix(pose.target, pose.eye, 0.6), scale(normalize(pose.up), 0.05 * distance));
     const away = length(subtract(position, pose.target));
     const labels = { point: 'Point light', spot: 'Spot light', directional: 'Sun' };
     /** @type {Light} */
