@@ -200,10 +200,20 @@ async fn a_frozen_reader_is_let_go_and_disturbs_nobody() {
 }
 
 #[tokio::test]
-async fn control_messages_that_pile_up_disconnect() {
+async fn control_messages_that_pile_up_disconnect_by_number() {
+    pile_up(16, usize::MAX >> 8).await;
+}
+
+#[tokio::test]
+async fn control_messages_that_pile_up_disconnect_by_bytes() {
+    pile_up(100_000, 64 << 10).await;
+}
+
+async fn pile_up(messages: usize, bytes: usize) {
     // The frozen client gets no frames (paused), only other people's light edits.
     let service = Service::with(Manners::default(), |c| {
-        c.bounds.outbox_bytes = 64 << 10;
+        c.bounds.outbox_messages = messages;
+        c.bounds.outbox_bytes = bytes;
         c.timeouts.send_stall = Duration::from_mins(1);
     })
     .await;
