@@ -213,7 +213,7 @@ impl Jobs {
         let mut table = self.table.lock();
         table.active -= 1;
         let bytes = if let JobState::Succeeded(output) = &outcome {
-            std::mem::size_of_val(output.pixels.as_slice()) as u64
+            size_of_val(output.pixels.as_slice()) as u64
         } else {
             table.forget_key(job);
             0
