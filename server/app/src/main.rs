@@ -17,6 +17,7 @@ use clap::Parser;
 use cli::{Cli, Command};
 
 fn main() -> ExitCode {
+    quiet_loader();
     let cli = Cli::parse();
     init_log(cli.verbose);
     let outcome = match cli.command {
@@ -31,6 +32,14 @@ fn main() -> ExitCode {
             failure.exit_code()
         }
     }
+}
+
+/// Mesa's device-select layer writes to stderr at every look for adapters where there is no desktop session, and choosing
+/// a device is our own matter anyway.
+#[allow(unsafe_code, reason = "the environment can only be changed so")]
+fn quiet_loader() {
+    // SAFETY: no other thread has been started yet.
+    unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
 }
 
 /// Logs go to stderr: warnings by default, more with `-v` or by `RUST_LOG`.

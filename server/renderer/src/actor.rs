@@ -360,8 +360,12 @@ impl Actor {
             std::thread::sleep(wait);
             match Gpu::open(&options) {
                 Ok(gpu) => {
-                    // The variant that serves any scene compiles while the first scene is still being read.
-                    gpu.prepare("path_trace", general_features(MaterialMode::Pbr, false));
+                    if self.config.prepares_general_kernels {
+                        // They compile while the first scene is still being read.
+                        for kernel in registry::TECHNIQUES.iter().flat_map(|entry| entry.kernels) {
+                            gpu.prepare(kernel, general_features(MaterialMode::Pbr, false));
+                        }
+                    }
                     self.gpu = Some(gpu);
                     self.set_state(DeviceState::Ready);
                     return;
@@ -474,7 +478,8 @@ fn pick(scene: &Scene, camera: &Camera, aspect: f64, point: [f32; 2]) -> Option<
     let triangle = scene.geometry.bvh_triangles.get(hit.bvh_triangle as usize)?;
     let geometry = scene.geometry.geometries.get(triangle.geometry as usize)?;
     let instance = scene.geometry.instances.get(hit.instance as usize)?;
-    let node = if hit.instance == 0 { geometry.node } else { instance.node };
+    let is_baked = scene.geometry.baked_instance == Some(hit.instance);
+    let node = if is_baked { geometry.node } else { instance.node };
     Some(Picked {
         position: camera.position + direction * f64::from(hit.t),
         object: scene.node_names.get(node as usize).cloned().unwrap_or_default(),

@@ -15,6 +15,9 @@ pub struct RendererConfig {
     pub max_queued_jobs: usize,
     /// Jobs that run side by side.
     pub max_running_jobs: usize,
+    /// Compile at once the variants that serve any scene: a server shows its first picture sooner, a single render would
+    /// only lose time.
+    pub prepares_general_kernels: bool,
     /// Tests may lose the device on purpose.
     pub allow_forced_loss: bool,
 }
@@ -27,6 +30,7 @@ impl Default for RendererConfig {
             memory_budget_bytes: None,
             max_queued_jobs: 64,
             max_running_jobs: 2,
+            prepares_general_kernels: false,
             allow_forced_loss: false,
         }
     }

@@ -65,7 +65,7 @@ mod tests {
         }
         assert!((pace.paths_per_sec - 1e6).abs() < 1e4);
         assert_eq!(pace.step_paths(), (pace.paths_per_sec * STEP_SECS) as u64);
-        assert!(pace.scale_for([1000, 1000], 0.25, 1.0) == 0.5);
+        assert!(pace.scale_for([1000, 1000], 0.26, 1.0) == 0.5);
         assert!(pace.scale_for([1000, 1000], 100.0, 0.75) == 0.75);
         assert!(pace.scale_for([100_000, 1000], 0.01, 1.0) == 0.125);
         pace.measure(0, Duration::from_secs(1));

@@ -44,6 +44,8 @@ pub(crate) struct RunningJob {
     audit: Option<Audit>,
     next_audit: u32,
     error: Option<ErrorEstimate>,
+    /// What the error is probably below.
+    error_bound: f64,
     pace: Pace,
     started: Instant,
     setup_secs: f64,
@@ -80,6 +82,7 @@ impl RunningJob {
             audit,
             next_audit: FIRST_AUDIT,
             error: None,
+            error_bound: f64::INFINITY,
             pace: Pace::default(),
             started: Instant::now(),
             setup_secs: setup_started.elapsed().as_secs_f64(),
@@ -154,10 +157,7 @@ impl RunningJob {
         let elapsed = self.started.elapsed().as_secs_f32();
         let by_time = stop.time_limit.map_or(0.0, |limit| elapsed / limit.as_secs_f32().max(1e-3));
         // The error falls with the root of the samples.
-        let by_error = match (stop.max_error, self.error) {
-            (Some(goal), Some(error)) => (goal / error.rmse_tonemapped.max(1e-9)).powi(2),
-            _ => 0.0,
-        };
+        let by_error = stop.max_error.map_or(0.0, |goal| (f64::from(goal) / self.error_bound).powi(2) as f32);
         JobProgress {
             is_running: true,
             samples,
@@ -167,10 +167,7 @@ impl RunningJob {
     }
 
     fn meets_error(&self) -> bool {
-        match (self.job.stop.max_error, self.error) {
-            (Some(goal), Some(error)) => error.rmse_tonemapped + error.std_error <= goal,
-            _ => false,
-        }
+        self.job.stop.max_error.is_some_and(|goal| self.error_bound <= f64::from(goal))
     }
 
     fn count(&mut self, rays: [u64; 3], non_finite: u64) {
@@ -187,6 +184,7 @@ impl RunningJob {
         let found = audit.run(gpu, &self.scene, &self.lights, &self.view, picture, samples, self.job.exposure)?;
         self.count(found.rays, found.non_finite);
         merge_passes(&mut self.passes, found.passes);
+        self.error_bound = found.bound;
         self.error = Some(ErrorEstimate {
             rmse_tonemapped: found.rmse_tonemapped as f32,
             rel_mse: found.rel_mse as f32,

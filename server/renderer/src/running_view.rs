@@ -78,6 +78,8 @@ pub(crate) struct RunningView {
     /// Full-size pictures that did not fit into memory are made at this factor.
     size_limit: f32,
     error: Option<ErrorEstimate>,
+    /// What the error is probably below.
+    error_bound: f64,
     sent_samples: u32,
     sent_at: Instant,
     secs_since_frame: f64,
@@ -99,6 +101,7 @@ impl RunningView {
             pace: Pace::default(),
             size_limit: 1.0,
             error: None,
+            error_bound: f64::INFINITY,
             sent_samples: 0,
             sent_at: Instant::now(),
             secs_since_frame: 0.0,
@@ -261,6 +264,7 @@ impl RunningView {
         self.is_stale = false;
         self.is_unsent = false;
         self.error = None;
+        self.error_bound = f64::INFINITY;
         self.sent_samples = 0;
         self.stage = if self.state.is_moving {
             Stage::Moving { scale: coarse }
@@ -380,8 +384,7 @@ impl RunningView {
                 if samples > 0 && self.work.as_ref().is_some_and(|work| samples >= work.next_audit) {
                     self.audit(gpu, scene, lights)?;
                 }
-                let goal = self.shown.max_error;
-                let is_good = self.error.is_some_and(|e| e.rmse_tonemapped + e.std_error <= goal);
+                let is_good = self.error_bound <= f64::from(self.shown.max_error);
                 if samples >= self.shown.max_samples.max(1) || is_good {
                     if self.error.is_none() {
                         self.audit(gpu, scene, lights)?;
@@ -412,6 +415,7 @@ impl RunningView {
         work.next_audit = samples.saturating_mul(AUDIT_GROWTH);
         self.rays += found.rays.iter().sum::<u64>();
         merge_passes(&mut self.passes, found.passes);
+        self.error_bound = found.bound;
         self.error = Some(ErrorEstimate {
             rmse_tonemapped: found.rmse_tonemapped as f32,
             rel_mse: found.rel_mse as f32,

@@ -57,6 +57,9 @@ pub struct AuditResult {
     pub rmse_tonemapped: f64,
     /// Standard error of `rmse_tonemapped`.
     pub std_error: f64,
+    /// What the error is probably below (one standard error above the audited mean square, and no less than the scatter
+    /// of the samples predicts): what a render to a stated error stops on.
+    pub bound: f64,
     /// Mean squared error relative to `r^2 + 0.01 mean(r)^2`.
     pub rel_mse: f64,
     /// Rays: primary, secondary, shadow.
@@ -266,6 +269,7 @@ fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], predicted: f64, exposure: f
     // standard error is all that is known.
     result.rmse_tonemapped = mse.max(0.0).sqrt();
     result.std_error = if mse > mse_error { mse_error / (2.0 * mse.sqrt()) } else { mse_error.sqrt() };
+    result.bound = (mse.max(0.0) + mse_error).max(predicted).sqrt();
     result.rel_mse = (relative / count).max(0.0);
 }
 

@@ -107,11 +107,12 @@ impl SceneBuffers {
         let instances: Vec<InstanceRecord> = geometry
             .instances
             .iter()
-            .map(|instance| InstanceRecord {
+            .zip(0u32..)
+            .map(|(instance, index)| InstanceRecord {
                 scene_from_object: instance.scene_from_object,
                 object_from_scene: instance.object_from_scene,
                 root_node: instance.root_node,
-                node: instance.node,
+                node: if geometry.baked_instance == Some(index) { NO_INDEX } else { instance.node },
                 is_mirrored: u32::from(instance.is_mirrored),
                 padding: 0,
             })
