@@ -136,8 +136,7 @@ fn visible_normals_integrate_to_one_and_project_to_the_cosine() {
     for roughness in ROUGHNESSES {
         let alpha = roughness * roughness;
         // Projected area of all microfacets is that of the surface.
-        let projected =
-            integrate(500, |h| f64::from(if h.z > 0.0 { ggx_distribution(h.z, alpha) * h.z } else { 0.0 }));
+        let projected = integrate(500, |h| f64::from(if h.z > 0.0 { ggx_distribution(h.z, alpha) * h.z } else { 0.0 }));
         near("projected area", projected, 1.0, 2e-3);
         for cos_o in COSINES {
             let wo = direction(cos_o, 0.7);

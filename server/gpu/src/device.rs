@@ -212,6 +212,11 @@ impl Gpu {
         self.inner.kernels.get(&self.inner, name, features)
     }
 
+    /// Ends background compilation and waits for what is in hand; call before the process ends.
+    pub fn stop_preparing(&self) {
+        self.inner.kernels.stop();
+    }
+
     /// Compiles a kernel given as WESL text instead of by name. For tests and tools.
     pub fn kernel_from_source(&self, name: &str, text: &str, features: Features) -> Result<Kernel, GpuError> {
         self.inner.check()?;

@@ -66,7 +66,14 @@ type Variant = (String, Features);
 struct Table {
     variants: HashMap<Variant, State>,
     by_text: HashMap<[u8; 32], Kernel>,
-    worker: Option<SyncSender<Variant>>,
+    worker: Option<Worker>,
+    is_stopping: bool,
+}
+
+/// The compiling thread and the way to it.
+struct Worker {
+    sender: SyncSender<Variant>,
+    thread: thread::JoinHandle<()>,
 }
 
 /// All kernels of a device.
@@ -104,14 +111,14 @@ impl KernelStore {
     pub(crate) fn prepare(&self, gpu: &Arc<Inner>, name: &str, features: Features) {
         let variant = (name.to_owned(), features);
         let mut table = self.table.lock();
-        if table.variants.contains_key(&variant) {
+        if table.is_stopping || table.variants.contains_key(&variant) {
             return;
         }
         if table.worker.is_none() {
             table.worker = start_worker(gpu);
         }
         let sent = match &table.worker {
-            Some(worker) => match worker.try_send(variant.clone()) {
+            Some(worker) => match worker.sender.try_send(variant.clone()) {
                 Ok(()) => true,
                 // Asked for again on the next frame; nothing is lost.
                 Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
@@ -120,6 +127,20 @@ impl KernelStore {
         };
         if sent {
             table.variants.insert(variant, State::Compiling);
+        }
+    }
+
+    /// Ends background compilation: what is in hand is finished, what waits is dropped. A process that ends while its
+    /// driver compiles may crash on the way out.
+    pub(crate) fn stop(&self) {
+        let worker = {
+            let mut table = self.table.lock();
+            table.is_stopping = true;
+            table.worker.take()
+        };
+        if let Some(Worker { sender, thread }) = worker {
+            drop(sender);
+            let _ = thread.join();
         }
     }
 
@@ -169,19 +190,22 @@ impl KernelStore {
 }
 
 /// The thread that compiles what was prepared. It ends when the device goes.
-fn start_worker(gpu: &Arc<Inner>) -> Option<SyncSender<Variant>> {
+fn start_worker(gpu: &Arc<Inner>) -> Option<Worker> {
     let (sender, receiver) = sync_channel::<Variant>(QUEUE_CAPACITY);
     let weak: Weak<Inner> = Arc::downgrade(gpu);
     let spawned = thread::Builder::new().name("shader-compiler".to_owned()).spawn(move || {
         while let Ok(variant) = receiver.recv() {
             let Some(gpu) = weak.upgrade() else { return };
+            if gpu.kernels.table.lock().is_stopping {
+                return;
+            }
             if let Err(error) = gpu.kernels.compile(&gpu, variant) {
                 tracing::error!(target: "surfelcast::gpu", %error, "a kernel did not compile in the background");
             }
         }
     });
     match spawned {
-        Ok(_) => Some(sender),
+        Ok(thread) => Some(Worker { sender, thread }),
         Err(error) => {
             tracing::warn!(target: "surfelcast::gpu", %error, "no thread for background compilation");
             None

@@ -25,7 +25,7 @@ use crate::status::{DeviceInfo, DeviceState, RendererStatus, TechniqueDescriptio
 
 /// Losses within [`LOSS_WINDOW`] after which the device is given up.
 const MAX_LOSSES: usize = 3;
-const LOSS_WINDOW: Duration = Duration::from_secs(300);
+const LOSS_WINDOW: Duration = Duration::from_mins(5);
 /// Waits before each attempt to open a lost device again.
 const REOPEN_WAITS: [Duration; 3] = [Duration::ZERO, Duration::from_millis(500), Duration::from_secs(2)];
 
@@ -113,6 +113,9 @@ impl Actor {
         }
         for view in self.views.values() {
             view.slot.close();
+        }
+        if let Some(gpu) = &self.gpu {
+            gpu.stop_preparing();
         }
     }
 
@@ -379,7 +382,9 @@ impl Actor {
     /// The device is gone: everything on it is dropped and made again from what the host holds.
     fn recover(&mut self) {
         tracing::warn!("the render device was lost");
-        self.gpu = None;
+        if let Some(gpu) = self.gpu.take() {
+            gpu.stop_preparing();
+        }
         self.store.clear();
         for session in self.sessions.values_mut() {
             session.on_device = None;

@@ -12,7 +12,7 @@ const STEP_SECS: f64 = 0.08;
 const MIN_PATHS: u64 = 4096;
 
 /// Measured rate of one scene and technique.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pace {
     paths_per_sec: f64,
 }

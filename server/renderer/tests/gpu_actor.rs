@@ -1,4 +1,14 @@
 //! The actor on a real device (software rendering will do): jobs, views, lights, limits, loss of the device.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::disallowed_methods,
+    clippy::needless_for_each,
+    clippy::unreadable_literal,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "a test may stop at the first surprise and talk to its terminal"
+)]
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,7 +20,7 @@ use surfelcast_renderer::{
 };
 
 /// Longest wait for anything a test expects.
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_mins(2);
 
 fn cornell_box() -> Arc<Scene> {
     let scenes = demo::scenes();

@@ -44,7 +44,9 @@ impl SceneSummary {
     pub(crate) fn of(scene: &Scene, has_animation: bool) -> Self {
         let geometries = &scene.geometry.geometries;
         let mut used = vec![false; scene.materials.len()];
-        geometries.iter().for_each(|geometry| used[geometry.material as usize] = true);
+        for geometry in geometries {
+            used[geometry.material as usize] = true;
+        }
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
         let has_radiance = |radiance: &[f32; 3]| radiance.iter().any(|&x| x > 0.0);
         let emitters = scene.emissive_triangles.iter().filter(|t| t.area > 0.0 && has_radiance(&t.mean_radiance));

@@ -115,7 +115,7 @@ impl Ray {
             (&node.child_min_z, &node.child_max_z),
         ];
         let (mut near, mut far) = ([t_min; 8], [t_max; 8]);
-        for axis in 0..3 {
+        for (axis, (low, high)) in planes.into_iter().enumerate() {
             let cell = exponent(axis);
             let inverse = self.inverse[axis];
             let to_node = node.p[axis] - self.origin[axis];
@@ -123,7 +123,6 @@ impl Ray {
             let base = to_node * inverse;
             let error = (to_node.abs() + 256.0 * cell) * inverse.abs() * SLAB_ROUNDING;
             let (base_near, base_far) = (base - error, base + error);
-            let (low, high) = planes[axis];
             let (enter, leave) = if self.is_negative[axis] { (high, low) } else { (low, high) };
             for k in 0..8 {
                 near[k] = near[k].max(f32::from(enter[k]) * step + base_near);
@@ -156,7 +155,7 @@ fn traverse(
     // (first child, bits of children still to visit | inner mask); starts as if the root were the only child
     let mut group = (root, 0x8000_0000u32);
     loop {
-        let slot = 31 - group.1.leading_zeros();
+        let slot = group.1.ilog2();
         let inner_mask = group.1 & 0xff;
         group.1 &= !(1 << slot);
         if group.1 & 0xff00_0000 != 0 {
@@ -169,7 +168,7 @@ fn traverse(
         let hits = ray.intersect(node, t_min, *limit);
         let mut primitives = hits & 0x00ff_ffff;
         while primitives != 0 {
-            let k = 31 - primitives.leading_zeros();
+            let k = primitives.ilog2();
             primitives &= !(1 << k);
             if leaf(node.primitive_base_idx + k, limit) {
                 return true;

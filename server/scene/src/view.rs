@@ -56,6 +56,7 @@ const MAX_VIEW_BYTES: u64 = 4 << 20;
 /// Members by which a JSON file is recognised as a view file.
 const MEMBERS: [&str; 5] = ["cameras", "environment", "exposure", "camera_exposure", "pose"];
 
+#[allow(clippy::option_option, reason = "absent, null and given are three different things")]
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct ViewJson {
@@ -68,6 +69,7 @@ struct ViewJson {
 }
 
 /// Tells `null` (no environment) from an absent member (nothing said).
+#[allow(clippy::option_option, reason = "absent, null and given are three different things")]
 fn present<'de, D: serde::Deserializer<'de>>(d: D) -> Result<Option<Option<EnvironmentJson>>, D::Error> {
     Option::<EnvironmentJson>::deserialize(d).map(Some)
 }

@@ -1,4 +1,14 @@
 //! Where the loader looks for files, what it refuses, and what its numbers must be in closed form.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::disallowed_methods,
+    clippy::needless_for_each,
+    clippy::unreadable_literal,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "a test may stop at the first surprise and talk to its terminal"
+)]
 
 mod support;
 

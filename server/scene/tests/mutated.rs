@@ -1,6 +1,16 @@
 //! Broken and hostile files: whatever the bytes, loading ends with a scene that keeps its promises or with an error.
 //!
 //! 5,000 mutated files by default; `SURFELCAST_FUZZ_CASES=100000` for the full run.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::disallowed_methods,
+    clippy::needless_for_each,
+    clippy::unreadable_literal,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "a test may stop at the first surprise and talk to its terminal"
+)]
 
 mod support;
 

@@ -1,5 +1,15 @@
 //! Loads every scene of the shared test set and compares its counts with the set's own table. Skips where it is absent
 //! (`SURFELCAST_SHARED` or `../shared` beside the repository).
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::disallowed_methods,
+    clippy::needless_for_each,
+    clippy::unreadable_literal,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "a test may stop at the first surprise and talk to its terminal"
+)]
 
 use std::path::{Path, PathBuf};
 

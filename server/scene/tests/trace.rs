@@ -1,4 +1,14 @@
 //! The CPU tracer against brute force, and against rays aimed at the edges and corners of closed meshes.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::disallowed_methods,
+    clippy::needless_for_each,
+    clippy::unreadable_literal,
+    clippy::trivially_copy_pass_by_ref,
+    reason = "a test may stop at the first surprise and talk to its terminal"
+)]
 
 use glam::{DVec3, Vec3};
 use serde_json::json;
@@ -34,7 +44,7 @@ impl Random {
 
 fn mesh_scene(positions: &[Vec3], triangles: &[[u32; 3]], nodes: &[serde_json::Value]) -> Scene {
     let mut glb = GlbBuilder::new();
-    let position = glb.floats(&positions.iter().map(|p| p.to_array()).collect::<Vec<_>>());
+    let position = glb.floats(&positions.iter().map(Vec3::to_array).collect::<Vec<_>>());
     let indices = glb.indices(triangles);
     let mesh = glb.push("meshes", json!({"primitives": [{"attributes": {"POSITION": position}, "indices": indices}]}));
     for node in nodes {

@@ -127,6 +127,10 @@ pub trait Technique: Send {
     fn features(&self) -> Features;
 }
 
+/// Makes a technique for one picture.
+pub type CreateTechnique =
+    fn(&Gpu, &SceneBuffers, &LightBuffers, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>;
+
 /// A technique on offer: one line of the registry.
 #[derive(Clone, Copy)]
 pub struct TechniqueEntry {
@@ -143,7 +147,7 @@ pub struct TechniqueEntry {
     /// Whether it can render a scene at all.
     pub needs: fn(&SceneSummary) -> Result<(), String>,
     /// Makes one.
-    pub create: fn(&Gpu, &SceneBuffers, &LightBuffers, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>,
+    pub create: CreateTechnique,
 }
 
 impl std::fmt::Debug for TechniqueEntry {

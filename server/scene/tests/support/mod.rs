@@ -1,4 +1,5 @@
 //! Generated files that touch every feature of the loader, and what must hold of any scene that loads.
+#![allow(dead_code, reason = "each test program uses a part of this")]
 
 use std::io::Cursor;
 

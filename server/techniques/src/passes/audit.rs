@@ -41,9 +41,9 @@ pub struct Audit {
     kernel: Kernel,
     gather: Kernel,
     predict: Kernel,
-    audit_pixels: Buffer,
-    audit_means: Buffer,
-    audit_values: Buffer,
+    pixel_list: Buffer,
+    lane_means: Buffer,
+    picture_values: Buffer,
     predicted_sums: Buffer,
     counters: Buffer,
     lane_samples: u32,
@@ -75,16 +75,16 @@ impl Audit {
     pub fn new(gpu: &Gpu, features: Features, size: [u32; 2], seed: u64) -> Result<Self, GpuError> {
         let pixels = audit_pixels(size, seed ^ SEED_SALT);
         let lanes = pixels.len() as u64 * 2 * u64::from(LANES);
-        let audit_pixels = gpu.buffer("audit_pixels", MemoryKind::View, pixels.len() as u64 * 4)?;
-        gpu.upload(&audit_pixels, 0, bytemuck::cast_slice(&pixels))?;
+        let pixel_list = gpu.buffer("audit_pixels", MemoryKind::View, pixels.len() as u64 * 4)?;
+        gpu.upload(&pixel_list, 0, bytemuck::cast_slice(&pixels))?;
         Ok(Self {
             features,
             kernel: gpu.kernel("error_audit", features)?,
             gather: gpu.kernel("audit_gather", Features::NONE)?,
             predict: gpu.kernel("audit_predict", Features::NONE)?,
-            audit_pixels,
-            audit_means: gpu.buffer("audit_means", MemoryKind::View, lanes * 16)?,
-            audit_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
+            pixel_list,
+            lane_means: gpu.buffer("audit_means", MemoryKind::View, lanes * 16)?,
+            picture_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
             predicted_sums: gpu.buffer("predicted_sums", MemoryKind::View, u64::from(predict_groups(size)) * 4)?,
             counters: gpu.buffer("audit_counters", MemoryKind::View, 16)?,
             pixels,
@@ -123,8 +123,8 @@ impl Audit {
             .pass(&self.gather)
             .uniform("audit", bytemuck::bytes_of(&uniforms(count)))
             .read("accumulation", picture)
-            .read("audit_pixels", &self.audit_pixels)
-            .read_write("audit_values", &self.audit_values)
+            .read("audit_pixels", &self.pixel_list)
+            .read_write("audit_values", &self.picture_values)
             .dispatch([count.div_ceil(64), 1, 1])?;
         let pixel_count = view.size[0] * view.size[1];
         graph
@@ -133,8 +133,8 @@ impl Audit {
             .read("accumulation", picture)
             .read_write("predicted_sums", &self.predicted_sums)
             .dispatch([predict_groups(view.size), 1, 1])?;
-        let values = graph.read_back(&self.audit_values, 0..u64::from(count) * 16)?;
-        let means = graph.read_back(&self.audit_means, 0..u64::from(count) * 2 * u64::from(LANES) * 16)?;
+        let values = graph.read_back(&self.picture_values, 0..u64::from(count) * 16)?;
+        let means = graph.read_back(&self.lane_means, 0..u64::from(count) * 2 * u64::from(LANES) * 16)?;
         let sums = graph.read_back(&self.predicted_sums, 0..u64::from(predict_groups(view.size)) * 4)?;
         let mut report = graph.submit()?.wait()?;
         let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(values)?);
@@ -166,8 +166,8 @@ impl Audit {
         lights
             .bind(scene.bind(graph.pass(&self.kernel)))
             .uniform("frame", bytemuck::bytes_of(&uniforms))
-            .read("audit_pixels", &self.audit_pixels)
-            .read_write("audit_means", &self.audit_means)
+            .read("audit_pixels", &self.pixel_list)
+            .read_write("audit_means", &self.lane_means)
             .read_write("counters", &self.counters)
             .dispatch([lanes.div_ceil(64), 1, 1])?;
         let ticket = graph.read_back(&self.counters, 0..16)?;
@@ -237,7 +237,7 @@ fn evaluate(values: &[[f32; 4]], means: &[[f32; 4]], predicted: f64, exposure: f
         sum.map(|s| s / lane_means.len().max(1) as f64)
     };
     let exposure = f64::from(exposure);
-    let pixels: Vec<([f64; 3], f64, [f64; 3], [f64; 3])> = values
+    let pixels: Vec<_> = values
         .iter()
         .zip(means.chunks_exact(2 * lanes))
         .map(|(x, half)| {

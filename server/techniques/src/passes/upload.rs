@@ -98,9 +98,9 @@ impl SceneBuffers {
                 first_triangle: part.first_triangle,
                 material: part.material,
                 first_light: part.first_light,
-                flags_and_node: u32::from(part.has_normals) * geometry_flags::HAS_NORMALS
-                    | u32::from(part.has_tangents) * geometry_flags::HAS_TANGENTS
-                    | u32::from(part.has_colors) * geometry_flags::HAS_COLORS
+                flags_and_node: (u32::from(part.has_normals) * geometry_flags::HAS_NORMALS)
+                    | (u32::from(part.has_tangents) * geometry_flags::HAS_TANGENTS)
+                    | (u32::from(part.has_colors) * geometry_flags::HAS_COLORS)
                     | part.node << 8,
             })
             .collect();
@@ -251,10 +251,10 @@ fn material_records(scene: &Scene) -> (Vec<MaterialRecord>, Vec<TextureUse>, Vec
             normal_texture: add_use(&material.normal_texture),
             emission_texture: add_use(&material.emissive_texture),
             transmission_texture: add_use(&material.transmission_texture),
-            flags: u32::from(material.unlit) * material_flags::UNLIT
-                | u32::from(material.is_volume) * material_flags::VOLUME
-                | u32::from(material.alpha_mode != AlphaMode::Opaque) * material_flags::ALPHA
-                | u32::from(material.emissive.iter().any(|&c| c > 0.0)) * material_flags::EMISSIVE,
+            flags: (u32::from(material.unlit) * material_flags::UNLIT)
+                | (u32::from(material.is_volume) * material_flags::VOLUME)
+                | (u32::from(material.alpha_mode != AlphaMode::Opaque) * material_flags::ALPHA)
+                | (u32::from(material.emissive.iter().any(|&c| c > 0.0)) * material_flags::EMISSIVE),
             padding0: 0,
             padding1: 0,
         })
