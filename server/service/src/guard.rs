@@ -12,17 +12,22 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::config::ServiceConfig;
+use crate::cors;
 use crate::problem::ApiError;
 use crate::state::ServiceState;
 
 /// Refuses foreign hosts and origins, then adds the security headers to whatever is answered.
 pub(crate) async fn guard(State(state): State<ServiceState>, request: Request, next: Next) -> Response {
     let checked = check(state.config(), state.local_addr(), request.method(), request.headers());
+    let origin = cors::listed_origin(state.config(), request.headers());
+    let is_preflight = origin.is_some() && cors::is_preflight(request.method(), request.headers());
     let mut response = match checked {
+        Ok(()) if is_preflight => cors::preflight(),
         Ok(()) => next.run(request).await,
         Err(error) => error.into_response(),
     };
     let headers = response.headers_mut();
+    cors::allow(origin, headers);
     let mut set = |name: HeaderName, value: HeaderValue| {
         headers.entry(name).or_insert(value);
     };
@@ -108,10 +113,9 @@ fn is_host_allowed(config: &ServiceConfig, local: SocketAddr, name: &str) -> boo
 }
 
 fn is_origin_allowed(config: &ServiceConfig, origin: &str, host: &str) -> bool {
-    let is_listed = config.origins.iter().any(|allowed| allowed.trim_end_matches('/').eq_ignore_ascii_case(origin));
     // TLS may end at a proxy, so the scheme is not compared; the host and port are.
     let own = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
-    is_listed || own.is_some_and(|own| own.eq_ignore_ascii_case(host))
+    cors::is_listed(config, origin) || own.is_some_and(|own| own.eq_ignore_ascii_case(host))
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@
 //! # }
 //! ```
 //!
-//! Rooms: `guard` (Host, Origin, headers), `listen` (sockets, timeouts), `router` (all routes), `scenes` and
+//! Rooms: `guard` and `cors` (Host, Origin, headers), `listen` (sockets, timeouts), `router` (all routes), `scenes` and
 //! `scene_store`, `renders`, `render_request` and `jobs`, `socket` to `outbox` (one WebSocket), `sessions` and `lights`
 //! (what the views of a scene share).
 
@@ -27,6 +27,7 @@ mod blocking;
 mod body;
 pub mod config;
 mod connection;
+mod cors;
 mod guard;
 mod health;
 mod idempotency;

@@ -4,6 +4,7 @@ use axum::body::Body;
 use axum::http::{Method, Request, StatusCode};
 use surfelcast_renderer::DeviceState;
 
+use crate::fake::Manners;
 use crate::support::Service;
 
 #[tokio::test]
@@ -97,4 +98,59 @@ async fn the_client_is_embedded_and_fenced_in() {
     for path in ["package.json", "node_modules/playwright-core/package.json", "tests/page.test.js", "../Cargo.toml"] {
         assert_eq!(service.get(&format!("/assets/{path}")).await.status, StatusCode::NOT_FOUND, "{path}");
     }
+}
+
+const APP: &str = "https://app.example";
+
+async fn cross_origin(service: &Service, method: Method, path: &str, extra: &[(&str, &str)]) -> crate::support::Answer {
+    let mut request = Request::builder().method(method).uri(path).header("host", "localhost");
+    for (name, value) in extra {
+        request = request.header(*name, *value);
+    }
+    service.ask(request.body(Body::empty()).expect("a request")).await
+}
+
+#[tokio::test]
+async fn pages_of_listed_origins_may_read_answers() {
+    let service = Service::with(Manners::default(), |c| c.origins.push(format!("{APP}/"))).await;
+    // Errors too: a page must be able to tell why.
+    for (path, status) in [("/v1/scenes", 200), ("/v1/renders/none", 404), ("/version", 200)] {
+        let answer = cross_origin(&service, Method::GET, path, &[("origin", APP)]).await;
+        assert_eq!(answer.status.as_u16(), status);
+        assert_eq!(answer.header("access-control-allow-origin"), APP);
+        assert!(answer.headers.get_all("vary").iter().any(|value| value == "Origin"), "{answer:?}");
+        assert!(answer.headers.get("access-control-allow-credentials").is_none());
+        for name in ["ETag", "Location", "Retry-After", "Surfelcast-Samples"] {
+            assert!(answer.header("access-control-expose-headers").contains(name), "{name}");
+        }
+    }
+    let own = cross_origin(&service, Method::GET, "/v1/scenes", &[("origin", "http://localhost")]).await;
+    let none = cross_origin(&service, Method::GET, "/v1/scenes", &[]).await;
+    for answer in [own, none] {
+        assert_eq!(answer.status, StatusCode::OK);
+        assert!(answer.headers.get("access-control-allow-origin").is_none());
+        assert!(answer.headers.get_all("vary").iter().any(|value| value == "Origin"), "{answer:?}");
+    }
+    let foreign = cross_origin(&service, Method::GET, "/v1/scenes", &[("origin", "https://evil.example")]).await;
+    assert_eq!(foreign.problem(), "origin_not_allowed");
+    assert!(foreign.headers.get("access-control-allow-origin").is_none());
+}
+
+#[tokio::test]
+async fn preflights_of_listed_origins_are_answered() {
+    let service = Service::with(Manners::default(), |c| c.origins.push(APP.into())).await;
+    let ask = [("access-control-request-method", "POST"), ("access-control-request-headers", "content-type,prefer")];
+    let answer = cross_origin(&service, Method::OPTIONS, "/v1/renders", &[("origin", APP), ask[0], ask[1]]).await;
+    assert_eq!((answer.status, answer.body.len()), (StatusCode::NO_CONTENT, 0));
+    assert_eq!(answer.header("access-control-allow-origin"), APP);
+    assert_eq!(answer.header("access-control-allow-methods"), "GET, POST, DELETE");
+    for name in ["Content-Type", "Prefer", "Accept", "Idempotency-Key", "If-None-Match"] {
+        assert!(answer.header("access-control-allow-headers").contains(name), "{name}");
+    }
+    let foreign =
+        cross_origin(&service, Method::OPTIONS, "/v1/renders", &[("origin", "https://evil.example"), ask[0]]).await;
+    assert_eq!(foreign.status, StatusCode::FORBIDDEN);
+    assert!(foreign.headers.get("access-control-allow-methods").is_none());
+    let plain = cross_origin(&service, Method::OPTIONS, "/v1/renders", &[("origin", APP)]).await;
+    assert_eq!(plain.status, StatusCode::METHOD_NOT_ALLOWED, "not a preflight");
 }
