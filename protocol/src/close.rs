@@ -22,7 +22,7 @@ pub const SUPERSEDED: u16 = 4409;
 pub const ENDED: u16 = 4410;
 /// No common protocol version.
 pub const VERSION: u16 = 4426;
-/// Too many inputs.
+/// Too many inputs, or connections of one client in too short a time.
 pub const RATE: u16 = 4429;
 /// No GPU capacity.
 pub const NO_CAPACITY: u16 = 4503;

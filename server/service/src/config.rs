@@ -155,6 +155,8 @@ pub struct Timeouts {
     pub session_grace: Duration,
     /// A resume token, and the lights of a closed session, live this long.
     pub resume: Duration,
+    /// Two connections of one client, the second resuming the first, begin at least this long apart.
+    pub reconnect: Duration,
     /// Longest `Prefer: wait`.
     pub prefer_wait: Duration,
     /// Work in flight may take this long after shutdown began.
@@ -177,6 +179,7 @@ impl Default for Timeouts {
             ping: Duration::from_secs(15),
             session_grace: Duration::from_secs(3),
             resume: Duration::from_mins(2),
+            reconnect: Duration::from_millis(500),
             prefer_wait: Duration::from_mins(1),
             drain: Duration::from_secs(10),
             idempotency: Duration::from_hours(24),

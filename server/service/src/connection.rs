@@ -26,7 +26,7 @@ use tokio_util::sync::CancellationToken;
 use crate::inbound::Inbound;
 use crate::outbound::{Encoded, Outbound};
 use crate::outbox::{Outbox, Overflow};
-use crate::resume::Resumable;
+use crate::resume::{Resumable, TooSoon};
 use crate::sessions::Member;
 use crate::state::ServiceState;
 use crate::text::{clean_name, random_id};
@@ -121,7 +121,15 @@ impl Connection {
     ) -> Result<Self, (Outbox, Ending)> {
         let status = state.renderer_status();
         let session = member.live.meta.session_id().to_owned();
-        let resumed = hello.resume.as_deref().and_then(|token| state.resume().take(token, &session));
+        let resumed = match hello.resume.as_deref().map(|token| state.resume().take(token, &session)) {
+            Some(Err(TooSoon)) => {
+                let least = state.config().timeouts.reconnect.as_millis();
+                let reason = format!("hello.resume: come back {least} ms after the last connection began, not before");
+                return Err((outbox, Ending::Close(close::RATE, reason)));
+            }
+            Some(Ok(resumed)) => resumed,
+            None => None,
+        };
         let wishes = if let Some(resumed) = resumed {
             metrics::counter!("surfelcast_resumes_total").increment(1);
             let wishes = resumed.wishes.lock().clone();

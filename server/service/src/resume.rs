@@ -24,6 +24,7 @@ pub(crate) struct Resumable {
 #[derive(Debug)]
 struct Entry {
     what: Resumable,
+    began_at: Instant,
     /// Since when its connection is gone; `None` while it is there.
     left_at: Option<Instant>,
 }
@@ -34,11 +35,17 @@ pub(crate) struct ResumeTokens {
     entries: Mutex<HashMap<String, Entry>>,
     capacity: usize,
     lifetime: Duration,
+    least_interval: Duration,
 }
 
+/// The connection that a token is from began only just now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TooSoon;
+
 impl ResumeTokens {
-    pub(crate) fn new(capacity: usize, lifetime: Duration) -> Self {
-        Self { entries: Mutex::default(), capacity, lifetime }
+    /// Tokens live for `lifetime` after their connection; two connections of a client begin `least_interval` apart.
+    pub(crate) fn new(capacity: usize, lifetime: Duration, least_interval: Duration) -> Self {
+        Self { entries: Mutex::default(), capacity, lifetime, least_interval }
     }
 
     /// Stores the view of a connection under its token. When all room is taken by open connections the token is simply
@@ -57,7 +64,7 @@ impl ResumeTokens {
                 None => return,
             }
         }
-        entries.insert(token, Entry { what, left_at: None });
+        entries.insert(token, Entry { what, began_at: Instant::now(), left_at: None });
     }
 
     /// The connection is gone: its token lives on for a while.
@@ -67,16 +74,22 @@ impl ResumeTokens {
         }
     }
 
-    /// Uses a token up, and tells the connection it came from, if that is still there, that it is superseded.
-    pub(crate) fn take(&self, token: &str, session: &str) -> Option<Resumable> {
+    /// Uses a token up, and tells the connection it came from, if that is still there, that it is superseded. A token
+    /// shown too soon stays good. The interval counts from the beginning of the earlier connection, not from its end:
+    /// the server may notice the end of a broken one long after its client did.
+    pub(crate) fn take(&self, token: &str, session: &str) -> Result<Option<Resumable>, TooSoon> {
         let mut entries = self.entries.lock();
         self.sweep(&mut entries);
-        if entries.get(token)?.what.session != session {
-            return None;
+        match entries.get(token) {
+            Some(entry) if entry.what.session != session => return Ok(None),
+            Some(entry) if entry.began_at.elapsed() < self.least_interval => return Err(TooSoon),
+            _ => {}
         }
-        let entry = entries.remove(token)?;
-        entry.what.superseded.cancel();
-        Some(entry.what)
+        let taken = entries.remove(token).map(|entry| entry.what);
+        if let Some(taken) = &taken {
+            taken.superseded.cancel();
+        }
+        Ok(taken)
     }
 
     fn sweep(&self, entries: &mut HashMap<String, Entry>) {
@@ -94,22 +107,34 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn tokens_work_once_within_their_time_and_session() {
-        let tokens = ResumeTokens::new(8, Duration::from_mins(2));
+        let tokens = ResumeTokens::new(8, Duration::from_mins(2), Duration::ZERO);
         tokens.insert("a".into(), view("s"));
-        assert!(tokens.take("a", "other").is_none());
+        assert!(tokens.take("a", "other").is_ok_and(|taken| taken.is_none()));
         tokens.left("a");
         tokio::time::advance(Duration::from_secs(119)).await;
-        assert!(tokens.take("a", "s").is_some());
-        assert!(tokens.take("a", "s").is_none(), "used up");
+        assert!(tokens.take("a", "s").is_ok_and(|taken| taken.is_some()));
+        assert!(tokens.take("a", "s").is_ok_and(|taken| taken.is_none()), "used up");
         tokens.insert("b".into(), view("s"));
         tokens.left("b");
         tokio::time::advance(Duration::from_secs(121)).await;
-        assert!(tokens.take("b", "s").is_none(), "too late");
+        assert!(tokens.take("b", "s").is_ok_and(|taken| taken.is_none()), "too late");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn clients_that_come_back_too_soon_keep_their_token() {
+        let tokens = ResumeTokens::new(8, Duration::from_mins(2), Duration::from_millis(500));
+        let open = view("s");
+        tokens.insert("a".into(), open.clone());
+        tokio::time::advance(Duration::from_millis(499)).await;
+        assert_eq!(tokens.take("a", "s").err(), Some(TooSoon));
+        assert!(!open.superseded.is_cancelled());
+        tokio::time::advance(Duration::from_millis(1)).await;
+        assert!(tokens.take("a", "s").is_ok_and(|taken| taken.is_some()));
     }
 
     #[tokio::test(start_paused = true)]
     async fn taking_over_supersedes_and_memory_is_bounded() {
-        let tokens = ResumeTokens::new(2, Duration::from_mins(2));
+        let tokens = ResumeTokens::new(2, Duration::from_mins(2), Duration::ZERO);
         let open = view("s");
         tokens.insert("open".into(), open.clone());
         for i in 0..100 {
@@ -117,6 +142,6 @@ mod tests {
             tokens.left(&format!("t{i}"));
         }
         assert_eq!(tokens.entries.lock().len(), 2);
-        assert!(tokens.take("open", "s").is_some() && open.superseded.is_cancelled());
+        assert!(tokens.take("open", "s").is_ok_and(|taken| taken.is_some()) && open.superseded.is_cancelled());
     }
 }

@@ -74,7 +74,7 @@ impl ServiceState {
             handle,
             scenes,
             sessions: Sessions::default(),
-            resume: ResumeTokens::new(config.bounds.resume_tokens, config.timeouts.resume),
+            resume: ResumeTokens::new(config.bounds.resume_tokens, config.timeouts.resume, config.timeouts.reconnect),
             jobs: Jobs::default(),
             idempotency: IdempotencyKeys::new(config.bounds.idempotency_keys, config.timeouts.idempotency),
             encoders: BlockingPool::new("encoding", config.bounds.encoders),

@@ -7,7 +7,7 @@ use serde_json::json;
 use surfelcast_renderer::{DeviceState, RendererError};
 
 use crate::fake::{Manners, Told};
-use crate::support::Service;
+use crate::support::{Got, Service};
 
 #[tokio::test]
 async fn sessions_open_at_the_first_view_and_close_after_the_last() {
@@ -46,7 +46,7 @@ async fn light_edits_outlive_a_short_absence() {
 
 #[tokio::test]
 async fn a_view_can_be_taken_up_again() {
-    let service = Service::start().await;
+    let service = Service::with(Manners::default(), |c| c.timeouts.reconnect = Duration::ZERO).await;
     let mut client = service.client().await;
     client.small().await;
     client.look_from(6.0, "end").await;
@@ -68,6 +68,35 @@ async fn a_view_can_be_taken_up_again() {
     third.send(resume(token)).await;
     third.text("welcome").await;
     assert_eq!(third.frame().await.0.full_size, [1280, 720]);
+}
+
+#[tokio::test]
+async fn coming_back_at_once_is_refused() {
+    let service = Service::with(Manners::default(), |c| {
+        assert_eq!(c.timeouts.reconnect, Duration::from_millis(500));
+        c.timeouts.reconnect = Duration::from_secs(2);
+    })
+    .await;
+    let began = Instant::now();
+    let client = service.client().await;
+    let token = client.welcome["resume_token"].clone();
+    drop(client);
+    let resume = json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}, "resume": token});
+    let mut refusals = 0;
+    loop {
+        let mut again = service.connect().await;
+        again.send(resume.clone()).await;
+        match again.next().await {
+            Got::Closed(4429) => refusals += 1,
+            Got::Text(welcome) if welcome["t"] == "welcome" => break,
+            other => panic!("{other:?}"),
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert!(refusals > 0 && began.elapsed() >= Duration::from_secs(2), "{refusals} in {:?}", began.elapsed());
+    // Others are not meant, not even from the same address.
+    service.client().await;
+    service.client().await;
 }
 
 #[tokio::test]
