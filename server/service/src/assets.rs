@@ -1,11 +1,18 @@
 //! The browser client, embedded at compile time. Paths are keys of a table, never of a file system.
 
+use std::collections::HashMap;
+use std::io::Write;
+use std::sync::LazyLock;
+
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use rust_embed::{Embed, EmbeddedFile};
 
-use crate::negotiate::is_none_match_hit;
+use crate::negotiate::{accepts_gzip, is_none_match_hit};
 use crate::problem::ApiError;
 
 #[derive(Embed)]
@@ -47,20 +54,52 @@ fn serve(path: &str, headers: &HeaderMap) -> Response {
 }
 
 fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
+    let media_type = media_type_of(path);
+    let compressed = if accepts_gzip(headers) { compressed_files().get(path) } else { None };
     let digest = hex::encode(file.metadata.sha256_hash());
-    let etag = format!("\"{}\"", digest.get(..32).unwrap_or_default());
+    // Two representations, two tags.
+    let coding = if compressed.is_some() { "-gzip" } else { "" };
+    let etag = format!("\"{}{coding}\"", digest.get(..32).unwrap_or_default());
     let mut response = if is_none_match_hit(headers, &etag) {
         StatusCode::NOT_MODIFIED.into_response()
+    } else if let Some(compressed) = compressed {
+        let fields = [(header::CONTENT_TYPE, media_type), (header::CONTENT_ENCODING, "gzip")];
+        (fields, compressed.clone()).into_response()
     } else {
-        ([(header::CONTENT_TYPE, media_type_of(path))], file.data).into_response()
+        ([(header::CONTENT_TYPE, media_type)], file.data).into_response()
     };
     let fields = response.headers_mut();
     // Revalidated on every use: an upgraded server must not be met by an old client.
     fields.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    if compressed_files().contains_key(path) {
+        fields.append(header::VARY, HeaderValue::from_static("Accept-Encoding"));
+    }
     if let Ok(etag) = HeaderValue::from_str(&etag) {
         fields.insert(header::ETAG, etag);
     }
     response
+}
+
+/// The files that gzip makes smaller, compressed once at the first use; all together they are small.
+fn compressed_files() -> &'static HashMap<String, Bytes> {
+    static FILES: LazyLock<HashMap<String, Bytes>> = LazyLock::new(|| {
+        let compress = |path: &str| {
+            let file = WebClient::get(path)?;
+            let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+            encoder.write_all(&file.data).ok()?;
+            encoder.finish().ok().filter(|compressed| compressed.len() < file.data.len()).map(Bytes::from)
+        };
+        WebClient::iter()
+            .filter(|path| is_text(media_type_of(path)))
+            .filter_map(|path| Some((path.to_string(), compress(&path)?)))
+            .collect()
+    });
+    &FILES
+}
+
+fn is_text(media_type: &str) -> bool {
+    media_type.starts_with("text/")
+        || ["application/json", "application/manifest+json", "image/svg+xml"].contains(&media_type)
 }
 
 fn media_type_of(path: &str) -> &'static str {

@@ -115,6 +115,25 @@ pub(crate) fn is_none_match_hit(headers: &HeaderMap, etag: &str) -> bool {
         .any(|tag| tag.trim() == "*" || strip(tag) == strip(etag))
 }
 
+/// Whether `Accept-Encoding` lets an answer be compressed by gzip.
+pub(crate) fn accepts_gzip(headers: &HeaderMap) -> bool {
+    let codings: Vec<&str> = headers
+        .get_all(header::ACCEPT_ENCODING)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .collect();
+    // A coding's own entry counts before `*`.
+    let find = |name: &str| {
+        codings.iter().find_map(|coding| {
+            let (coding, parameters) = coding.split_once(';').unwrap_or((coding, "q=1"));
+            let quality = parameters.trim().strip_prefix("q=").or_else(|| parameters.trim().strip_prefix("Q="))?;
+            coding.trim().eq_ignore_ascii_case(name).then(|| quality.trim().parse::<f32>().is_ok_and(|q| q > 0.0))
+        })
+    };
+    find("gzip").or_else(|| find("*")).unwrap_or(false)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -125,6 +144,20 @@ mod tests {
             headers.insert(header::ACCEPT, HeaderValue::from_str(value).expect("a value"));
         }
         choose(&headers, &Format::IMAGES).map_err(|e| e.status().as_u16())
+    }
+
+    #[test]
+    fn gzip() {
+        let accepts = |value: &'static str| {
+            accepts_gzip(&HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]))
+        };
+        for yes in ["gzip", "br, GZip;q=0.5", "*", "deflate, gzip;q=1.0, *;q=0"] {
+            assert!(accepts(yes), "{yes}");
+        }
+        for no in ["", "br", "gzip;q=0", "gzip;q=0, *", "*;q=0", "identity", "gzipped", "gzip;q=x"] {
+            assert!(!accepts(no), "{no}");
+        }
+        assert!(!accepts_gzip(&HeaderMap::new()));
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Health, metrics, the embedded client, and how errors look.
 
+use std::io::Read;
+
 use axum::body::Body;
 use axum::http::{Method, Request, StatusCode};
+use flate2::read::GzDecoder;
 use surfelcast_renderer::DeviceState;
 
 use crate::fake::Manners;
@@ -153,4 +156,34 @@ async fn preflights_of_listed_origins_are_answered() {
     assert!(foreign.headers.get("access-control-allow-methods").is_none());
     let plain = cross_origin(&service, Method::OPTIONS, "/v1/renders", &[("origin", APP)]).await;
     assert_eq!(plain.status, StatusCode::METHOD_NOT_ALLOWED, "not a preflight");
+}
+
+#[tokio::test]
+async fn text_is_compressed_for_who_wants_it() {
+    let service = Service::start().await;
+    let get = |path: &'static str, extra: Vec<(&'static str, String)>| {
+        let mut request = Request::get(path).header("host", "localhost");
+        for (name, value) in extra {
+            request = request.header(name, value);
+        }
+        service.ask(request.body(Body::empty()).expect("a request"))
+    };
+    for path in ["/", "/docs", "/assets/src/page/main.js", "/assets/styles/page.css", "/assets/styles/icon.svg"] {
+        let plain = get(path, vec![]).await;
+        let small = get(path, vec![("accept-encoding", "br, gzip".into())]).await;
+        assert_eq!((plain.status, small.status), (StatusCode::OK, StatusCode::OK), "{path}");
+        assert_eq!((plain.header("content-encoding"), small.header("content-encoding")), ("", "gzip"), "{path}");
+        assert_eq!(plain.header("content-type"), small.header("content-type"));
+        assert_ne!(plain.header("etag"), small.header("etag"));
+        let mut unpacked = Vec::new();
+        GzDecoder::new(small.body.as_slice()).read_to_end(&mut unpacked).expect("gzip");
+        assert!(unpacked == plain.body && small.body.len() < plain.body.len(), "{path}");
+        for answer in [&plain, &small] {
+            assert!(answer.headers.get_all("vary").iter().any(|value| value == "Accept-Encoding"), "{path}");
+        }
+        let tag = || ("if-none-match", small.header("etag").to_owned());
+        let known = get(path, vec![("accept-encoding", "gzip".into()), tag()]).await;
+        assert_eq!((known.status, known.body.len()), (StatusCode::NOT_MODIFIED, 0));
+        assert_eq!(get(path, vec![tag()]).await.status, StatusCode::OK, "that tag is of another representation");
+    }
 }
