@@ -18,7 +18,7 @@ use crate::command::{Command, CommandReceiver, Picked, Reply, SessionKey, ViewKe
 use crate::config::RendererConfig;
 use crate::handle::{RendererError, RendererHandle};
 use crate::job::{JobProgress, RenderJob, RenderOutput};
-use crate::running_job::{JobState, RunningJob};
+use crate::running_job::{JobState, RunningJob, kernels_of};
 use crate::running_view::RunningView;
 use crate::scenes::SceneStore;
 use crate::status::{DeviceInfo, DeviceState, RendererStatus, TechniqueDescription};
@@ -26,6 +26,8 @@ use crate::status::{DeviceInfo, DeviceState, RendererStatus, TechniqueDescriptio
 /// Losses within [`LOSS_WINDOW`] after which the device is given up.
 const MAX_LOSSES: usize = 3;
 const LOSS_WINDOW: Duration = Duration::from_mins(5);
+/// Longest time for which a job lets others go first while its kernels are compiled.
+const MAX_COMPILE_WAIT: Duration = Duration::from_secs(30);
 /// Waits before each attempt to open a lost device again.
 const REOPEN_WAITS: [Duration; 3] = [Duration::ZERO, Duration::from_millis(500), Duration::from_secs(2)];
 
@@ -52,11 +54,26 @@ struct Job {
     cancel: watch::Receiver<bool>,
     reply: Reply<RenderOutput>,
     used_secs: f64,
+    /// When it left the queue.
+    admitted_at: Option<Instant>,
 }
 
 enum JobWork {
     Waiting(Box<RenderJob>),
     Running(Box<RunningJob>),
+}
+
+impl Job {
+    /// Whether a turn would do work rather than wait for a compiler.
+    fn is_ready(&self, gpu: &Gpu) -> bool {
+        match &self.work {
+            JobWork::Running(_) => true,
+            JobWork::Waiting(job) => {
+                self.admitted_at.is_none_or(|at| at.elapsed() > MAX_COMPILE_WAIT)
+                    || kernels_of(job).iter().all(|(name, features)| gpu.kernel_if_ready(name, *features).is_some())
+            }
+        }
+    }
 }
 
 /// Who works next.
@@ -239,7 +256,8 @@ impl Actor {
         } else if self.queued.len() >= self.config.max_queued_jobs {
             let _ = reply.send(Err(RendererError::Busy { what: "jobs", limit: self.config.max_queued_jobs }));
         } else {
-            self.queued.push_back(Job { work: JobWork::Waiting(job), progress, cancel, reply, used_secs: 0.0 });
+            let work = JobWork::Waiting(job);
+            self.queued.push_back(Job { work, progress, cancel, reply, used_secs: 0.0, admitted_at: None });
         }
     }
 
@@ -254,6 +272,13 @@ impl Actor {
         while self.running.len() < self.config.max_running_jobs {
             let Some(mut job) = self.queued.pop_front() else { return };
             job.used_secs = self.least_used();
+            job.admitted_at = Some(Instant::now());
+            if let (Some(gpu), JobWork::Waiting(waiting)) = (&self.gpu, &job.work) {
+                // Frames of views do not wait while a job's kernels are compiled.
+                for (name, features) in kernels_of(waiting) {
+                    gpu.prepare(name, features);
+                }
+            }
             self.running.push(job);
         }
     }
@@ -266,7 +291,7 @@ impl Actor {
     }
 
     fn next_turn(&self) -> Option<Turn> {
-        self.gpu.as_ref()?;
+        let gpu = self.gpu.as_ref()?;
         let awake = || self.views.iter().filter(|(_, view)| view.wants_step());
         let by_use =
             |a: &(&ViewKey, &RunningView), b: &(&ViewKey, &RunningView)| a.1.used_secs.total_cmp(&b.1.used_secs);
@@ -274,8 +299,10 @@ impl Actor {
             return Some(Turn::View(*key));
         }
         let still = awake().min_by(by_use).map(|(key, view)| (*key, view.used_secs));
-        let job =
-            (0..self.running.len()).min_by(|&a, &b| self.running[a].used_secs.total_cmp(&self.running[b].used_secs));
+        // A job whose kernels are still being compiled lets others go first; alone it waits for them.
+        let is_next = |index: &usize| still.is_none() || self.running[*index].is_ready(gpu);
+        let by_job_use = |a: &usize, b: &usize| self.running[*a].used_secs.total_cmp(&self.running[*b].used_secs);
+        let job = (0..self.running.len()).filter(is_next).min_by(by_job_use);
         match (still, job) {
             (Some((key, used)), Some(index)) if used <= self.running[index].used_secs => Some(Turn::View(key)),
             (_, Some(index)) => Some(Turn::Job(index)),

@@ -54,6 +54,28 @@ pub(crate) struct RunningJob {
     passes: Vec<surfelcast_gpu::PassTime>,
 }
 
+/// Kernels that a job will run, to be compiled before it takes the actor's time.
+pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
+    let Some(entry) = registry::by_id(&job.technique) else { return Vec::new() };
+    let is_split = is_split(job.aov);
+    let has_punctual = match &job.lights {
+        Some(lights) => !lights.punctual.is_empty(),
+        None => !job.scene.punctual_lights.is_empty(),
+    };
+    let features = |is_split| features::features_for(&job.scene.summary, job.materials, has_punctual, is_split);
+    entry
+        .kernels
+        .iter()
+        .filter(|_| surface_output(job.aov).is_none())
+        .map(|&kernel| (kernel, features(is_split && kernel != "error_audit")))
+        .collect()
+}
+
+/// Whether an output needs direct and indirect light apart.
+fn is_split(aov: Option<Aov>) -> bool {
+    matches!(aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance))
+}
+
 impl RunningJob {
     /// Uploads and compiles what the job needs.
     pub(crate) fn start(gpu: &Gpu, store: &mut SceneStore, job: RenderJob) -> Result<Self, RendererError> {
@@ -67,7 +89,7 @@ impl RunningJob {
         let options = TechniqueOptions {
             size: job.size,
             materials: job.materials,
-            is_split: matches!(job.aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance)),
+            is_split: is_split(job.aov),
             seed: job.seed,
             waits_for_kernels: true,
         };

@@ -382,12 +382,12 @@ impl RunningView {
             }
             Stage::Refining => {
                 if samples > 0 && self.work.as_ref().is_some_and(|work| samples >= work.next_audit) {
-                    self.audit(gpu, scene, lights)?;
+                    self.audit(gpu, scene, lights, false)?;
                 }
                 let is_good = self.error_bound <= f64::from(self.shown.max_error);
                 if samples >= self.shown.max_samples.max(1) || is_good {
                     if self.error.is_none() {
-                        self.audit(gpu, scene, lights)?;
+                        self.audit(gpu, scene, lights, true)?;
                     }
                     self.stage = Stage::Converged;
                     self.is_unsent = true;
@@ -402,8 +402,18 @@ impl RunningView {
         }
     }
 
-    fn audit(&mut self, gpu: &Gpu, scene: &SceneBuffers, lights: &LightBuffers) -> Result<(), RendererError> {
+    /// Audits the picture. `may_wait` for the kernel: otherwise an audit that is not compiled yet is left out.
+    fn audit(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        may_wait: bool,
+    ) -> Result<(), RendererError> {
         let Some(work) = &mut self.work else { return Ok(()) };
+        if work.audit.is_none() && !Audit::is_ready(gpu, work.technique.features()) && !may_wait {
+            return Ok(());
+        }
         let samples = work.technique.samples();
         let audit = match &mut work.audit {
             Some(audit) => audit,

@@ -71,6 +71,15 @@ pub struct AuditResult {
 }
 
 impl Audit {
+    /// Whether the kernels are compiled, so that [`Audit::new`] does not wait. Asks for them in the background if not.
+    pub fn is_ready(gpu: &Gpu, features: Features) -> bool {
+        let is_ready = gpu.kernel_if_ready("error_audit", features).is_some();
+        if !is_ready {
+            gpu.prepare("error_audit", features);
+        }
+        is_ready
+    }
+
     /// Prepares an audit of a picture of that size.
     pub fn new(gpu: &Gpu, features: Features, size: [u32; 2], seed: u64) -> Result<Self, GpuError> {
         let pixels = audit_pixels(size, seed ^ SEED_SALT);

@@ -30,7 +30,9 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     create: |gpu, scene, lights, options| Ok(Box::new(PathTracer::new(gpu, scene, lights, options)?)),
 };
 
-/// Threads of a workgroup of `path_trace`.
+/// The kernel.
+const KERNEL: &str = "path_trace";
+/// Threads of a workgroup of it.
 const WORKGROUP: u32 = 64;
 /// Pixels of one dispatch at most: workgroups of one dimension.
 const MAX_PIXELS: u32 = 65_535 * WORKGROUP;
@@ -64,32 +66,33 @@ impl PathTracer {
         lights: &LightBuffers,
         options: TechniqueOptions,
     ) -> Result<Self, GpuError> {
-        let pixel_count = u64::from(options.size[0]) * u64::from(options.size[1]);
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
-        let split = options
-            .is_split
-            .then(|| -> Result<_, GpuError> {
-                let direct = gpu.buffer("split_direct", MemoryKind::View, pixel_count * 16)?;
-                Ok((direct, gpu.buffer("split_irradiance", MemoryKind::View, pixel_count * 16)?))
-            })
-            .transpose()?;
+        if options.waits_for_kernels || gpu.kernel_if_ready(KERNEL, features).is_some() {
+            return Self::with_variant(gpu, options, features, features);
+        }
         // The first picture does not wait for a compiler.
-        let ready = if options.waits_for_kernels { None } else { gpu.kernel_if_ready("path_trace", features) };
-        let (kernel, running_features) = match ready {
-            Some(kernel) => (kernel, features),
-            None if options.waits_for_kernels => (gpu.kernel("path_trace", features)?, features),
-            None => {
-                gpu.prepare("path_trace", features);
-                let general = general_features(options.materials, options.is_split);
-                (gpu.kernel("path_trace", general)?, general)
-            }
+        gpu.prepare(KERNEL, features);
+        Self::with_variant(gpu, options, features, general_features(options.materials, options.is_split))
+    }
+
+    fn with_variant(
+        gpu: &Gpu,
+        options: TechniqueOptions,
+        features: Features,
+        running_features: Features,
+    ) -> Result<Self, GpuError> {
+        let pixel_count = u64::from(options.size[0]) * u64::from(options.size[1]);
+        let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixel_count * 16);
+        let split = match options.is_split {
+            true => Some((view_buffer("split_direct")?, view_buffer("split_irradiance")?)),
+            false => None,
         };
         Ok(Self {
             options,
             features,
-            kernel,
+            kernel: gpu.kernel(KERNEL, running_features)?,
             running_features,
-            accumulation: gpu.buffer("accumulation", MemoryKind::View, pixel_count * 16)?,
+            accumulation: view_buffer("accumulation")?,
             counters: gpu.buffer("counters", MemoryKind::View, 16)?,
             split,
             samples: 0,
@@ -123,7 +126,7 @@ impl Technique for PathTracer {
             return Ok(Step { is_whole: true, ..Step::default() });
         }
         if self.running_features != self.features
-            && let Some(kernel) = gpu.kernel_if_ready("path_trace", self.features)
+            && let Some(kernel) = gpu.kernel_if_ready(KERNEL, self.features)
         {
             self.kernel = kernel;
             self.running_features = self.features;
@@ -196,6 +199,12 @@ impl Technique for PathTracer {
     fn features(&self) -> Features {
         self.features
     }
+}
+
+/// A path tracer that stays with the general variant, to compare special ones with.
+pub fn create_general(gpu: &Gpu, options: TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError> {
+    let general = general_features(options.materials, options.is_split);
+    Ok(Box::new(PathTracer::with_variant(gpu, options, general, general)?))
 }
 
 /// The variant that serves any scene with these materials.
