@@ -160,7 +160,7 @@ pub struct Stats {
     pub view: u16,
     /// JPEG quality in use while moving.
     pub quality: u8,
-    /// Resolution factor in use while moving, in (0, 1].
+    /// Resolution factor of the newest frame of a gesture, in (0, 1]; before the first, the one that the link allows.
     pub scale: f32,
     /// Frames per second sent over the last second.
     pub fps: f32,
@@ -168,7 +168,8 @@ pub struct Stats {
     pub window: u32,
     /// Smallest round trip of the last 10 s, milliseconds.
     pub rtt_ms: f32,
-    /// Why quality or scale is below the wish; empty when it is not.
+    /// What keeps quality or scale below the wish: `device` where the renderer lowered the scale to hold the frame time,
+    /// else `link` where rate control lowered either; empty when neither did.
     pub reason: String,
     /// Samples a pixel of the newest frame.
     pub samples: u32,

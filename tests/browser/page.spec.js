@@ -25,6 +25,21 @@ test('every frame is acknowledged, and input to photon is measured', onStage(asy
   assert.match(await page.locator('#stats-panel').innerText(), /Input to photon, p50 \/ p95\s*[\d.]+ ms \/ [\d.]+ ms/);
 }));
 
+test('while it moves the page says why the picture is soft', onStage(async ({ page }) => {
+  const { x, y } = await centre(page);
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  for (let step = 1; step <= 10; step += 1) {
+    await page.mouse.move(x + 8 * step, y);
+    await page.waitForTimeout(60);
+  }
+  const told = page.locator('#hud[data-state=moving] .progress', { hasText: '50 % resolution: the device needs longer for a full frame' });
+  await told.waitFor({ timeout: 5000 });
+  await page.mouse.up();
+  await hasSettled(page);
+  assert.doesNotMatch(await page.locator('#hud').innerText(), /resolution/);
+}));
+
 const countFrames = () => {
   window.animationFrames = 0;
   window.timersRun = 0;

@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { auditedError, bytes, field, milliseconds } from '../src/page/format.js';
+import { auditedError, bytes, field, milliseconds, reasonText, resolutionText } from '../src/page/format.js';
 import { colorOf, directionOf, evOf, factorOf, hexOf, logScale, skyAngles } from '../src/page/quantities.js';
 import { problemText, streamPath } from '../src/page/scene-service.js';
 
@@ -14,6 +14,15 @@ test('numbers read well at every size', () => {
   assert.deepEqual([0, 999, 1234, 56_789, 1_234_567, 98_765_432].map(bytes), ['0 B', '999 B', '1.2 kB', '57 kB', '1.2 MB', '99 MB']);
   assert.deepEqual([0.04, 9.94, 123.4].map(milliseconds), ['0.0 ms', '9.9 ms', '123 ms']);
   assert.deepEqual([0, 1, 1.23456789, 25, 1e-7, 1.5e9].map(field), ['0', '1', '1.2346', '25', '1.000e-7', '1.500e+9']);
+});
+
+test('a soft picture has its reason', () => {
+  assert.equal(resolutionText({ scale: 0.6, reason: 'device' }), '60 % resolution: the device needs longer for a full frame');
+  assert.equal(resolutionText({ scale: 0.75, reason: 'link' }), '75 % resolution: the connection carries less');
+  assert.equal(resolutionText({ scale: 1, reason: 'link' }), '', 'that is about quality');
+  assert.equal(resolutionText({ scale: 0.5, reason: '' }), '50 % resolution');
+  assert.equal(reasonText('solar flare'), 'solar flare', 'of a newer server');
+  assert.equal(reasonText(''), '');
 });
 
 test('colours survive the way to sRGB and back', () => {

@@ -10,13 +10,19 @@ use surfelcast_protocol::server::{ErrorInfo, PassInfo, ServerMessage, SkippedInf
 use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::scene::Camera;
 use surfelcast_renderer::{ErrorEstimate, Frame, FrameKind};
-use surfelcast_stream::{Quality, Stage, StreamError, choose_encoding, encode};
+use surfelcast_stream::{Quality, QualityLoop, Stage, StreamError, choose_encoding, encode};
 use tokio::sync::mpsc;
 
 use crate::connection::{Connection, Ending, push_bounded};
 
 /// Least time between two `stats`.
 const STATS_INTERVAL: Duration = Duration::from_millis(500);
+/// The renderer rounds the resolution factor down to a multiple of this.
+const RENDERER_STEP: f32 = 0.125;
+/// `stats.reason`: the device needs longer for a frame of full size than a frame may take.
+const REASON_DEVICE: &str = "device";
+/// `stats.reason`: the link carries less than the wish.
+const REASON_LINK: &str = "link";
 /// Frames remembered until they are acknowledged; more than the largest window.
 const SHOWN_LOG: usize = 16;
 /// Send times kept for the frame rate.
@@ -56,6 +62,8 @@ pub(crate) struct Outbound {
     last_frame: Option<Arc<Frame>>,
     last_error: Option<ErrorEstimate>,
     has_converged: bool,
+    /// Size relative to the full one of the newest moving frame.
+    moving_scale: Option<f32>,
     answered_seq: u32,
     shown: VecDeque<Shown>,
     acked: Option<(Camera, f64)>,
@@ -243,6 +251,7 @@ impl Connection {
 
     fn note_sent(&mut self, frame: &Frame, stage: Stage, seq: u32, now: Duration) {
         if stage == Stage::Moving {
+            self.outbound.moving_scale = Some(scale_of(frame.size, frame.full_size));
             self.stills.restart();
         } else {
             self.stills.sent(frame.samples, now);
@@ -266,16 +275,17 @@ impl Connection {
         self.outbound.is_stats_due = false;
         self.outbound.last_stats_at = Some(now);
         let Some(frame) = self.outbound.last_frame.clone() else { return Ok(()) };
+        let (scale, reason) = moving_scale(self.outbound.moving_scale, &self.quality);
         let passes = frame.passes.iter().take(MAX_PASSES);
         let skipped = frame.skipped.iter().take(MAX_PASSES);
         let stats = Stats {
             view: 0,
             quality: self.quality.quality(),
-            scale: self.quality.scale(),
+            scale,
             fps: self.outbound.frames_per_sec(now),
             window: self.window.frames(self.quality.frames_per_sec()),
             rtt_ms: self.window.round_trip_min().map_or(0.0, |time| time.as_secs_f32() * 1e3),
-            reason: self.quality.reason(),
+            reason: reason.into(),
             samples: frame.samples,
             error: self.outbound.last_error.map(|e| ErrorInfo { rmse: e.rmse_tonemapped, std_error: e.std_error }),
             converged: self.outbound.has_converged,
@@ -285,6 +295,28 @@ impl Connection {
         self.outbox.control(&ServerMessage::Stats(Box::new(stats)))?;
         Ok(())
     }
+}
+
+/// Resolution factor of a frame; exact 1 for a full one.
+fn scale_of(size: [u32; 2], full_size: [u32; 2]) -> f32 {
+    // The longer side is rounded less.
+    let axis = usize::from(full_size[1] > full_size[0]);
+    (size[axis] as f32 / full_size[axis].max(1) as f32).min(1.0)
+}
+
+/// The resolution factor in use while moving, and why it or the quality is below the wish. The link sets an upper
+/// bound; the renderer goes below it, in steps of 1/8, where the device needs longer for a frame.
+fn moving_scale(shown: Option<f32>, quality: &QualityLoop) -> (f32, &'static str) {
+    let bound = quality.scale();
+    let Some(shown) = shown else { return (bound, if quality.is_reduced() { REASON_LINK } else { "" }) };
+    let scale = shown.min(bound);
+    let is_device = if bound < 1.0 { scale < bound - RENDERER_STEP } else { scale < 1.0 };
+    let reason = match (is_device, quality.is_reduced()) {
+        (true, _) => REASON_DEVICE,
+        (false, true) => REASON_LINK,
+        (false, false) => "",
+    };
+    (scale, reason)
 }
 
 fn frame_flags(done: &Encoded, kind: FrameKind) -> u16 {
@@ -316,4 +348,43 @@ fn saturating(value: u32) -> u16 {
 /// The header's unit of time; float to integer casts saturate.
 fn ten_micros(secs: f64) -> u16 {
     (secs * 1e5) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use surfelcast_stream::QualityLimits;
+
+    use super::*;
+
+    fn behind_until(done: impl Fn(&QualityLoop) -> bool) -> QualityLoop {
+        let mut quality = QualityLoop::new(QualityLimits::default());
+        while !done(&quality) {
+            quality.on_ack(Duration::from_millis(100));
+        }
+        quality
+    }
+
+    #[test]
+    fn the_scale_is_the_one_in_use_and_has_its_reason() {
+        let wish = QualityLoop::new(QualityLimits::default());
+        assert_eq!(moving_scale(None, &wish), (1.0, ""));
+        assert_eq!(moving_scale(Some(1.0), &wish), (1.0, ""));
+        assert_eq!(moving_scale(Some(0.625), &wish), (0.625, "device"));
+        let soft = behind_until(QualityLoop::is_reduced);
+        assert_eq!(moving_scale(Some(1.0), &soft), (1.0, "link"));
+        assert_eq!(moving_scale(Some(0.625), &soft), (0.625, "device"));
+        let small = behind_until(|quality| quality.scale() < 0.6);
+        assert_eq!(small.scale(), 0.5625);
+        assert_eq!(moving_scale(Some(1.0), &small), (0.5625, "link"), "that frame was asked for before");
+        assert_eq!(moving_scale(Some(0.5), &small), (0.5, "link"), "the renderer's step below");
+        assert_eq!(moving_scale(Some(0.25), &small), (0.25, "device"));
+    }
+
+    #[test]
+    fn rounding_of_the_short_side_does_not_show() {
+        assert_eq!(scale_of([640, 360], [1280, 720]), 0.5);
+        assert_eq!(scale_of([375, 1], [1000, 1]), 0.375);
+        assert_eq!(scale_of([1, 375], [1, 1000]), 0.375);
+        assert_eq!(scale_of([0, 0], [0, 0]), 0.0);
+    }
 }

@@ -51,13 +51,12 @@ pub struct QualityLoop {
     level: usize,
     late_count: u32,
     early_count: u32,
-    last_delay: Duration,
 }
 
 impl QualityLoop {
     /// Starts at the client's wish.
     pub fn new(limits: QualityLimits) -> Self {
-        Self { ladder: ladder(limits), level: 0, late_count: 0, early_count: 0, last_delay: Duration::ZERO }
+        Self { ladder: ladder(limits), level: 0, late_count: 0, early_count: 0 }
     }
 
     /// New wishes; the distance from them stays.
@@ -68,7 +67,6 @@ impl QualityLoop {
 
     /// An acknowledged frame waited so long beyond the smallest round trip.
     pub fn on_ack(&mut self, queue_delay: Duration) {
-        self.last_delay = queue_delay;
         self.late_count = if queue_delay > LATE { self.late_count + 1 } else { 0 };
         self.early_count = if queue_delay < EARLY { self.early_count + 1 } else { 0 };
         if self.late_count >= LATE_FRAMES {
@@ -95,12 +93,9 @@ impl QualityLoop {
         self.rung().frames_per_sec
     }
 
-    /// Why it is below the wish; empty when it is not.
-    pub fn reason(&self) -> String {
-        if self.level == 0 {
-            return String::new();
-        }
-        format!("the link is behind: frames wait {} ms", self.last_delay.as_millis())
+    /// Whether the link keeps it below the wish.
+    pub fn is_reduced(&self) -> bool {
+        self.level > 0
     }
 
     fn rung(&self) -> Rung {
@@ -145,14 +140,14 @@ mod tests {
     #[test]
     fn three_late_frames_lower_quality_by_eight() {
         let mut state = QualityLoop::new(QualityLimits::default());
-        assert_eq!((state.quality(), state.reason()), (80, String::new()));
+        assert_eq!((state.quality(), state.is_reduced()), (80, false));
         for delay in [SLOW, SLOW, BETWEEN, SLOW, SLOW] {
             state.on_ack(delay);
         }
         assert_eq!(state.quality(), 80, "not in a row");
         state.on_ack(SLOW);
         assert_eq!(state.quality(), 72);
-        assert!(state.reason().contains("61 ms"));
+        assert!(state.is_reduced());
     }
 
     #[test]

@@ -123,7 +123,7 @@ export class FakeServer {
       fps: 24,
       window: 2,
       rtt_ms: 3.2,
-      reason: 'render time',
+      reason: 'device',
       samples: converged ? 256 : 64,
       error: { rmse: converged ? 0.0062 : 0.0131, std_error: 0.0008 },
       converged,

@@ -106,6 +106,7 @@ export class FakeSession {
     if (this.dirty) {
       this.dirty = false;
       this.sendFrame(0, 2);
+      this.send(this.server.stats(false));
       return;
     }
     if (this.refinements === 0) return;

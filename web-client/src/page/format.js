@@ -24,6 +24,28 @@ export function auditedError({ rmse, std_error: uncertainty }) {
   return `RMSE ${rmse.toFixed(digits)} ± ${uncertainty.toFixed(digits)}`;
 }
 
+/** What each `stats.reason` says to people. */
+const REASONS = Object.freeze({
+  device: 'the device needs longer for a full frame',
+  link: 'the connection carries less',
+});
+
+/**
+ * Why a moving picture is softer than wished; empty when it is not.
+ * @param {string} reason `stats.reason`; one we do not know is shown as it is
+ */
+export const reasonText = (reason) => REASONS[/** @type {keyof typeof REASONS} */ (reason)] ?? reason;
+
+/**
+ * The resolution of a moving picture and what holds it down; empty at full resolution.
+ * @param {{ scale: number, reason: string }} stats
+ */
+export function resolutionText({ scale, reason }) {
+  if (scale >= 1) return '';
+  const share = `${Math.round(scale * 100)} % resolution`;
+  return reason ? `${share}: ${reasonText(reason)}` : share;
+}
+
 /**
  * A number for a text field: short, but exact enough to come back unchanged to the eye.
  * @param {number} value

@@ -4,7 +4,7 @@
  */
 
 import { flags } from '../protocol/frame.js';
-import { auditedError, bytes, count, milliseconds } from './format.js';
+import { auditedError, bytes, count, milliseconds, resolutionText } from './format.js';
 
 const INTERVAL_MS = 250;
 /** Rates look back a second. */
@@ -108,7 +108,7 @@ export class Hud {
   /** @param {boolean} settled */
   #progressText(settled) {
     if (!this.#live) return 'Last picture';
-    if (this.#moving) return 'Moving';
+    if (this.#moving) return ['Moving', this.#stats && resolutionText(this.#stats)].filter(Boolean).join(': ');
     const samples = `${count(Math.max(this.#stats?.samples ?? 0, this.#frame?.samples ?? 0))} samples`;
     const error = this.#stats?.error ? auditedError(this.#stats.error) : samples;
     return `${settled ? 'Settled' : 'Refining'}: ${error}`;

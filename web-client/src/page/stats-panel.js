@@ -3,7 +3,7 @@
  */
 
 import { h } from './dom.js';
-import { auditedError, bytes, count, milliseconds } from './format.js';
+import { auditedError, bytes, count, milliseconds, reasonText } from './format.js';
 
 const ROWS = /** @type {const} */ ({
   error: 'Error',
@@ -79,7 +79,7 @@ export class StatsPanel {
     this.#set('samples', count(stats.samples));
     this.#set('rtt', stats.rtt_ms > 0 ? milliseconds(stats.rtt_ms) : '–');
     const moving = `quality ${stats.quality}, ${Math.round(stats.scale * 100)} % resolution`;
-    this.#set('moving', stats.reason ? `${moving}: ${stats.reason}` : moving);
+    this.#set('moving', stats.reason ? `${moving}: ${reasonText(stats.reason)}` : moving);
     this.#showPasses(stats.passes);
     this.skipped.hidden = stats.skipped.length === 0;
     this.skipped.replaceChildren(

@@ -69,7 +69,7 @@ const VERDICTS = {
   [close.SUPERSEDED]: stop('superseded', 'This view continues elsewhere', 'A newer connection has taken it over. You can take it back here.'),
   [close.VERSION]: stop('outdated', 'The server has been updated', 'Reload the page to get the matching version.'),
   [close.TOO_SLOW]: { ...AWAY, kind: 'slow', title: 'The connection was too slow', detail: 'Pictures were not getting through. Trying again.', minDelayMs: 1000 },
-  [close.RATE]: { ...AWAY, kind: 'slow', title: 'Too many inputs at once', detail: 'The server asked for a pause. Continuing shortly.', minDelayMs: 5000 },
+  [close.RATE]: { ...AWAY, kind: 'slow', title: 'Too much at once', detail: 'The server asked for a pause. Continuing shortly.', minDelayMs: 5000 },
   [close.GPU_LOST]: { ...AWAY, kind: 'gpu', title: 'The graphics device failed', detail: 'The server lost its GPU and is recovering.', minDelayMs: 5000 },
 };
 

@@ -86,10 +86,10 @@ export const VERSION = 1;
  * @property {'stats'} t
  * @property {number} view
  * @property {number} quality
- * @property {number} scale
+ * @property {number} scale of the newest frame of a gesture, in (0, 1]
  * @property {number} fps
  * @property {number} rtt_ms
- * @property {string} reason
+ * @property {string} reason what keeps quality or scale down: `device`, `link` or nothing
  * @property {number} samples
  * @property {{ rmse: number, std_error: number } | null} [error]
  * @property {boolean} converged

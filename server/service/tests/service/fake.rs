@@ -33,6 +33,8 @@ pub(crate) struct Manners {
     pub(crate) job_time: Duration,
     /// Samples at which a view has converged.
     pub(crate) final_samples: u32,
+    /// Resolution factor at which a moving frame keeps its time.
+    pub(crate) device_scale: f32,
     /// Answer of `OpenSession`.
     pub(crate) session_error: Option<RendererError>,
     /// Answers of the first jobs, in order.
@@ -45,6 +47,7 @@ impl Default for Manners {
             frame_time: Duration::from_millis(2),
             job_time: Duration::from_millis(5),
             final_samples: 64,
+            device_scale: 1.0,
             session_error: None,
             job_errors: Vec::new(),
         }
@@ -185,7 +188,7 @@ impl Actor {
             view.samples = (view.samples * 2).clamp(1, final_samples);
             if view.samples == final_samples { FrameKind::Final } else { FrameKind::Still }
         };
-        let scale = if kind == FrameKind::Moving { view.state.max_scale } else { 1.0 };
+        let scale = if kind == FrameKind::Moving { view.state.max_scale.min(self.manners.device_scale) } else { 1.0 };
         let size = view.state.size.map(|side| ((side as f32 * scale) as u32).max(1));
         let frame = Frame {
             pixels: noise(&view.state.camera, size).into(),

@@ -68,6 +68,22 @@ async fn moving_is_fast_and_lossy_then_it_settles_on_the_last_input() {
 }
 
 #[tokio::test]
+async fn stats_tell_the_scale_in_use_and_why() {
+    for (device_scale, reason) in [(0.5, "device"), (1.0, "")] {
+        let service = Service::with(Manners { device_scale, ..Manners::default() }, |_| {}).await;
+        let mut client = service.client().await;
+        client.small().await;
+        client.until_final().await;
+        assert_eq!(client.text("stats").await["reason"], "");
+        client.look_from(1.0, "start").await;
+        let (header, _) = client.frame().await;
+        assert_eq!(header.rect[2..], [(64.0 * device_scale) as u16, (48.0 * device_scale) as u16]);
+        let stats = client.text("stats").await;
+        assert_eq!((stats["scale"].as_f64(), stats["reason"].as_str()), (Some(f64::from(device_scale)), Some(reason)));
+    }
+}
+
+#[tokio::test]
 async fn cameras_are_private_and_lights_are_shared() {
     let service = Service::start().await;
     let mut one = service.client().await;
