@@ -45,6 +45,10 @@ macro_rules! shader_constants {
 shader_constants! {
     /// Invocations of a workgroup of a one-dimensional kernel.
     WORKGROUP_SIZE: u32 = 64;
+    /// Slots that workgroups spread their counting over.
+    COUNTER_SLOTS: u32 = 256;
+    /// Counters of a slot: primary, secondary and shadow rays, and samples that were not finite.
+    COUNTERS_PER_SLOT: u32 = 4;
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::AuditUniforms;
 
+use crate::passes::counters;
 use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
@@ -95,7 +96,7 @@ impl Audit {
             lane_means: gpu.buffer("audit_means", MemoryKind::View, lanes * 16)?,
             picture_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
             predicted_sums: gpu.buffer("predicted_sums", MemoryKind::View, u64::from(predict_groups(size)) * 4)?,
-            counters: gpu.buffer("audit_counters", MemoryKind::View, 16)?,
+            counters: counters::buffer(gpu)?,
             pixels,
             lane_samples: 0,
             seed,
@@ -179,13 +180,13 @@ impl Audit {
             .read_write("audit_means", &self.lane_means)
             .read_write("counters", &self.counters)
             .dispatch([lanes.div_ceil(64), 1, 1])?;
-        let ticket = graph.read_back(&self.counters, 0..16)?;
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
-        let counters: Vec<u32> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);
-        for (sum, &counted) in result.rays.iter_mut().zip(&counters) {
-            *sum += u64::from(counted);
+        let counts = counters::sum(&report.take(ticket)?);
+        for (sum, counted) in result.rays.iter_mut().zip(counts.rays) {
+            *sum += counted;
         }
-        result.non_finite += u64::from(counters[3]);
+        result.non_finite += counts.non_finite;
         self.lane_samples += count;
         crate::path::merge_passes(&mut result.passes, report.passes);
         Ok(())

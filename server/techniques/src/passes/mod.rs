@@ -1,6 +1,7 @@
 //! Passes that every technique may use.
 
 pub mod audit;
+pub mod counters;
 pub mod features;
 pub mod first_surface;
 pub mod frame;

@@ -11,6 +11,7 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, Kernel, MemoryKind, PassTime};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::{Feature, Features};
 
+use crate::passes::counters;
 use crate::passes::features::features_for;
 use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
@@ -47,7 +48,7 @@ struct PathTracer {
     /// `vec4f` a pixel: mean radiance, squared deviation of luminance. Written by `path_trace`; read by `tone_map`,
     /// `audit_gather` and the host; lives as long as the view.
     accumulation: Buffer,
-    /// Four counters of one dispatch: rays by kind, samples that were not finite.
+    /// Rays by kind and samples that were not finite, of one dispatch.
     counters: Buffer,
     /// `vec4f` a pixel each: direct light and B. Only where asked for.
     split: Option<(Buffer, Buffer)>,
@@ -93,7 +94,7 @@ impl PathTracer {
             kernel: gpu.kernel(KERNEL, running_features)?,
             running_features,
             accumulation: view_buffer("accumulation")?,
-            counters: gpu.buffer("counters", MemoryKind::View, 16)?,
+            counters: counters::buffer(gpu)?,
             split,
             samples: 0,
             batch: 0,
@@ -152,9 +153,9 @@ impl Technique for PathTracer {
             pass = pass.read_write("split_direct", direct).read_write("split_irradiance", irradiance);
         }
         pass.dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
-        let ticket = graph.read_back(&self.counters, 0..16)?;
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
-        let counters: Vec<u32> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);
+        let counts = counters::sum(&report.take(ticket)?);
 
         let paths = u64::from(range) * u64::from(self.batch);
         self.batch_pixels += range;
@@ -164,13 +165,7 @@ impl Technique for PathTracer {
             self.batch = 0;
             self.batch_pixels = 0;
         }
-        Ok(Step {
-            is_whole,
-            paths,
-            rays: [counters[0].into(), counters[1].into(), counters[2].into()],
-            non_finite: counters[3].into(),
-            passes: report.passes,
-        })
+        Ok(Step { is_whole, paths, rays: counts.rays, non_finite: counts.non_finite, passes: report.passes })
     }
 
     fn invalidate(&mut self, change: Change) {
