@@ -257,7 +257,7 @@ pub(crate) async fn get(State(state): State<ServiceState>, Path(id): Path<String
     params(("id" = String, Path, description = "Render id")),
     responses((status = 200, description = "PNG, JPEG, WebP or EXR (linear, unexposed)"),
         (status = 304, description = "If-None-Match holds"), (status = 404, description = "No such render"),
-        (status = 406, description = "No acceptable image type"), (status = 409, description = "Not finished, or failed")))]
+        (status = 406, description = "No acceptable image type"), (status = 409, description = "Not finished, failed or canceled")))]
 pub(crate) async fn image(
     State(state): State<ServiceState>,
     Path(id): Path<String>,
@@ -268,7 +268,8 @@ pub(crate) async fn image(
     picture(&state, &job, format, &headers, true).await
 }
 
-/// Cancels a render; finished ones stay as they are.
+/// Cancels a render. One that had finished stays as it is and keeps its picture; a canceled one has none, however many
+/// samples were taken, and asking for it again starts it anew.
 #[utoipa::path(post, path = "/v1/renders/{id}/cancel", tag = "renders",
     params(("id" = String, Path, description = "Render id")),
     responses((status = 202, body = RenderInfo), (status = 404, description = "No such render")))]
