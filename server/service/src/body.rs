@@ -67,7 +67,8 @@ impl BodyReader {
     }
 }
 
-fn too_large(field: &str, limit: u64) -> ApiError {
+/// 413.
+pub(crate) fn too_large(field: &str, limit: u64) -> ApiError {
     let detail = format!("{field}: larger than the limit of {limit} bytes");
     ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "body_too_large", detail)
 }

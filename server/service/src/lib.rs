@@ -35,6 +35,7 @@ mod inbound;
 mod jobs;
 mod lights;
 mod listen;
+mod multipart;
 mod negotiate;
 mod observe;
 mod openapi;

@@ -13,7 +13,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use axum::http::StatusCode;
 use parking_lot::{Mutex, RwLock};
 use serde::{Deserialize, Serialize};
-use surfelcast_renderer::scene::{LoadOptions, Scene, SceneError, SceneLimits, load_bytes};
+use surfelcast_renderer::scene::{LoadOptions, Scene, SceneError, SceneLimits, ViewFile, load_bytes};
 
 use crate::blocking::BlockingPool;
 use crate::config::{Bounds, ServiceConfig};
@@ -35,6 +35,9 @@ pub(crate) struct SceneMeta {
     pub(crate) warnings: Vec<String>,
     pub(crate) bytes: u64,
     pub(crate) stored_at_unix_secs: u64,
+    /// View JSON that came with an upload; part of what the id stands for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) view: Option<String>,
 }
 
 impl SceneMeta {
@@ -48,6 +51,7 @@ impl SceneMeta {
             warnings: scene.warnings.clone(),
             bytes,
             stored_at_unix_secs: now,
+            view: None,
         }
     }
 
@@ -160,13 +164,13 @@ impl SceneStore {
             return Ok(scene);
         }
         let path = self.path_of(&entry.meta.id, "scene")?;
-        let (name, expected) = (entry.meta.name.clone(), entry.meta.id.clone());
+        let (name, expected, view) = (entry.meta.name.clone(), entry.meta.id.clone(), entry.meta.view.clone());
         let limits = self.limits();
         let loaded = self
             .on_loader(move || {
                 let bytes = std::fs::read(&path)
                     .map_err(|source| SceneError::Read { path: "the stored scene".into(), source })?;
-                load_bytes(&bytes, &name, &LoadOptions { limits, ..LoadOptions::default() })
+                load_bytes(&bytes, &name, &options_of(limits, view.as_deref())?)
             })
             .await?;
         let scene = Arc::new(loaded.map_err(|e| ApiError::internal(&e))?);
@@ -178,10 +182,11 @@ impl SceneStore {
         Ok(scene)
     }
 
-    /// Validates an uploaded file and stores it. Returns the entry and whether it is new.
+    /// Validates an uploaded file, with its view JSON where it has one, and stores it. Returns the entry and whether it is new.
     pub(crate) async fn import(
         &self,
         file: tempfile::NamedTempFile,
+        view: Option<String>,
         name: &str,
     ) -> Result<(Arc<SceneEntry>, bool), ApiError> {
         let name = match clean_name(name) {
@@ -189,20 +194,20 @@ impl SceneStore {
             name => name,
         };
         let limits = self.limits();
-        let (file, loaded) = self
+        let (file, view, loaded) = self
             .on_loader(move || {
                 let bytes = std::fs::read(file.path());
                 let loaded =
                     bytes.map_err(|source| SceneError::Read { path: "the upload".into(), source }).and_then(|bytes| {
-                        let options = LoadOptions { limits, ..LoadOptions::default() };
+                        let options = options_of(limits, view.as_deref())?;
                         load_bytes(&bytes, &name, &options).map(|scene| (scene, bytes.len() as u64))
                     });
-                (file, loaded)
+                (file, view, loaded)
             })
             .await?;
         let (scene, bytes) = loaded.map_err(|error| import_problem(&error))?;
         let scene = Arc::new(scene);
-        let meta = SceneMeta::of(&scene, bytes);
+        let meta = SceneMeta { view, ..SceneMeta::of(&scene, bytes) };
         if let Some(entry) = self.get(&meta.id) {
             return Ok((entry, false));
         }
@@ -281,6 +286,11 @@ impl SceneStore {
         let hex = hex_digits(id).ok_or_else(unknown_scene)?;
         Ok(self.dir.join(format!("{hex}.{extension}")))
     }
+}
+
+fn options_of(limits: SceneLimits, view: Option<&str>) -> Result<LoadOptions, SceneError> {
+    let view = view.map(|view| ViewFile::parse(view.as_bytes())).transpose()?;
+    Ok(LoadOptions { limits, view, ..LoadOptions::default() })
 }
 
 /// 404 for scenes.

@@ -12,12 +12,16 @@ use tokio::io::AsyncWriteExt;
 use utoipa::ToSchema;
 
 use crate::body::{BodyReader, media_type};
+use crate::multipart::Multipart;
 use crate::problem::ApiError;
 use crate::scene_store::{SceneEntry, unknown_scene};
 use crate::state::ServiceState;
 
 /// Media types of uploads.
 const ACCEPTED: [&str; 2] = ["model/gltf-binary", "model/gltf+json"];
+
+/// Media type of uploads with a view JSON.
+const FORM: &str = "multipart/form-data";
 
 /// A scene of this server.
 #[derive(Debug, Serialize, ToSchema)]
@@ -77,15 +81,27 @@ pub(crate) async fn get(
     Ok(Json(SceneInfo::of(&entry)))
 }
 
-/// Uploads a scene. The same content always gets the same id.
+/// An upload with a view JSON.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "describes the form; its parts are read as they arrive")]
+pub(crate) struct SceneForm {
+    /// GLB, or glTF JSON whose buffers and images are `data:` URIs.
+    #[schema(value_type = String, format = Binary)]
+    scene: Vec<u8>,
+    /// View JSON: cameras, environment, exposure, pose.
+    view: Option<String>,
+}
+
+/// Uploads a scene, alone or in a form together with its view JSON. The same content always gets the same id.
 #[utoipa::path(post, path = "/v1/scenes", tag = "scenes",
     params(("name" = Option<String>, Query, description = "Name for people")),
-    request_body(content((Vec<u8> = "model/gltf-binary"), (Vec<u8> = "model/gltf+json"))),
+    request_body(content((Vec<u8> = "model/gltf-binary"), (Vec<u8> = "model/gltf+json"), (SceneForm = "multipart/form-data"))),
     responses(
         (status = 201, body = SceneInfo, description = "Stored"),
         (status = 200, body = SceneInfo, description = "Was stored already"),
+        (status = 400, description = "Malformed, or a part of the form is missing, unknown or there twice"),
         (status = 413, description = "Larger than the limit"),
-        (status = 415, description = "Not glTF"),
+        (status = 415, description = "Neither glTF nor a form"),
         (status = 422, description = "Not a valid or supported scene; the detail names the field"),
         (status = 507, description = "The store is full")))]
 pub(crate) async fn upload(
@@ -94,8 +110,10 @@ pub(crate) async fn upload(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, ApiError> {
-    if media_type(&headers).is_none_or(|mime| !ACCEPTED.contains(&mime.as_str())) {
-        let detail = format!("Content-Type: must be {}", ACCEPTED.join(" or "));
+    let mime = media_type(&headers).unwrap_or_default();
+    let is_form = mime == FORM;
+    if !is_form && !ACCEPTED.contains(&mime.as_str()) {
+        let detail = format!("Content-Type: must be {}, {FORM}", ACCEPTED.join(", "));
         return Err(ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail));
     }
     if headers.get(header::CONTENT_ENCODING).is_some_and(|value| value != "identity") {
@@ -116,16 +134,49 @@ pub(crate) async fn upload(
     let file = tempfile::NamedTempFile::new_in(state.scenes().dir()).map_err(|e| ApiError::internal(&e))?;
     let handle = file.as_file().try_clone().map_err(|e| ApiError::internal(&e))?;
     let mut writer = tokio::fs::File::from_std(handle);
-    while let Some(piece) = reader.next().await? {
-        writer.write_all(&piece).await.map_err(|e| ApiError::internal(&e))?;
-    }
+    let view = if is_form {
+        read_form(Multipart::new(&headers, reader)?, &mut writer, config.bounds.json_bytes).await?
+    } else {
+        while let Some(piece) = reader.next().await? {
+            writer.write_all(&piece).await.map_err(|e| ApiError::internal(&e))?;
+        }
+        None
+    };
     writer.sync_all().await.map_err(|e| ApiError::internal(&e))?;
     drop(writer);
     let name = query_value(&uri, "name").unwrap_or_default();
-    let (entry, is_new) = state.scenes().import(file, &name).await?;
+    let (entry, is_new) = state.scenes().import(file, view, &name).await?;
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
     let location = format!("/v1/scenes/{}", entry.meta.id);
     Ok((status, [(header::LOCATION, location)], Json(SceneInfo::of(&entry))).into_response())
+}
+
+/// Writes the part `scene` to the file and returns the part `view`; both may stand once, in any order.
+async fn read_form(
+    mut form: Multipart,
+    writer: &mut tokio::fs::File,
+    view_bytes: usize,
+) -> Result<Option<String>, ApiError> {
+    let (mut has_scene, mut view) = (false, None);
+    while let Some(name) = form.next_part().await? {
+        match name.as_str() {
+            "scene" if !has_scene => {
+                has_scene = true;
+                while let Some(piece) = form.next_piece().await? {
+                    writer.write_all(&piece).await.map_err(|e| ApiError::internal(&e))?;
+                }
+            }
+            "view" if view.is_none() => {
+                let json = form.all("view", view_bytes).await?;
+                view = Some(String::from_utf8(json).map_err(|_| ApiError::bad_request("view: not UTF-8"))?);
+            }
+            _ => return Err(ApiError::bad_request("body: the form may have one part `scene` and one part `view`")),
+        }
+    }
+    if !has_scene {
+        return Err(ApiError::bad_request("scene: this part of the form is missing"));
+    }
+    Ok(view)
 }
 
 /// Deletes an uploaded scene that nobody is looking at.

@@ -47,6 +47,57 @@ async fn uploads_are_kept_by_content() {
     assert_eq!(service.get(&path).await.status, StatusCode::NOT_FOUND);
 }
 
+const FORM: [(&str, &str); 1] = [("content-type", "multipart/form-data; boundary=bOuNd")];
+
+fn form(parts: &[(&str, &str)]) -> String {
+    let part = |(name, text): &(&str, &str)| {
+        format!("--bOuNd\r\nContent-Disposition: form-data; name=\"{name}\"\r\n\r\n{text}\r\n")
+    };
+    parts.iter().map(part).collect::<String>() + "--bOuNd--\r\n"
+}
+
+#[tokio::test]
+async fn a_view_can_come_with_the_scene() {
+    let service = Service::with(Manners::default(), |c| c.bounds.loaded_scenes = 1).await;
+    let view = r#"{"cameras": [{"name": "door", "position": [0, 1, 9], "target": [0, 0, 0], "vfov_deg": 30}]}"#;
+    let bare = service.post("/v1/scenes", &GLTF, gltf(2.0)).await;
+    let upload = || service.post("/v1/scenes?name=House", &FORM, form(&[("view", view), ("scene", &gltf(2.0))]));
+    let answer = upload().await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{:?}", String::from_utf8_lossy(&answer.body));
+    let scene = answer.json();
+    assert_eq!((&scene["name"], &scene["cameras"]), (&json!("House"), &json!(["door"])));
+    assert_ne!(scene["id"], bare.json()["id"], "another view is another scene");
+    assert_eq!(upload().await.status, StatusCode::OK);
+    let plain = service.post("/v1/scenes", &FORM, form(&[("scene", &gltf(2.0))])).await;
+    assert_eq!((plain.status, &plain.json()["id"]), (StatusCode::OK, &bare.json()["id"]));
+    // Loaded anew from disk it is still the scene that its id names.
+    service.post("/v1/scenes", &GLTF, gltf(5.0)).await;
+    let body = json!({"scene": scene["id"], "camera_name": "door", "width": 8, "height": 8}).to_string();
+    let headers = [("content-type", "application/json"), ("prefer", "wait=10")];
+    assert_eq!(service.post("/v1/renders", &headers, body).await.status, StatusCode::OK);
+}
+
+#[tokio::test]
+async fn bad_forms_are_refused_with_the_reason() {
+    let service = Service::with(Manners::default(), |c| c.bounds.json_bytes = 100).await;
+    let gltf = gltf(2.0);
+    let long = "x".repeat(101);
+    for (parts, status, word) in [
+        (vec![("view", "{}")], 400, "scene"),
+        (vec![("scene", gltf.as_str()), ("scene", &gltf)], 400, "one part"),
+        (vec![("scene", &gltf), ("other", "")], 400, "one part"),
+        (vec![("scene", &gltf), ("view", &long)], 413, "view"),
+        (vec![("scene", &gltf), ("view", "{\"exposure\": -1}")], 422, "view"),
+        (vec![("scene", "rubbish")], 422, ""),
+    ] {
+        let answer = service.post("/v1/scenes", &FORM, form(&parts)).await;
+        assert_eq!(answer.status.as_u16(), status, "{parts:?}");
+        answer.problem();
+        assert!(answer.json()["detail"].as_str().expect("text").contains(word), "{:?}", answer.json());
+    }
+    assert_eq!(service.get("/v1/scenes").await.json()["scenes"].as_array().expect("a list").len(), 1);
+}
+
 #[tokio::test]
 async fn bad_uploads_are_refused_with_the_reason() {
     let service = Service::with(Manners::default(), |c| c.bounds.upload_bytes = 4096).await;
