@@ -216,11 +216,11 @@ mod tests {
 
     #[test]
     fn bad_lights_change_nothing() {
+        type Edit = fn(&mut Light);
         let mut set = empty(DVec3::ZERO);
         set.apply(&add(lamp()), 1).expect("valid");
         let full = set.apply(&add(lamp()), 1).expect_err("full");
         assert!(full.contains("1 lights"), "{full}");
-        type Edit = fn(&mut Light);
         let bad: [(Edit, &str); 6] = [
             (|l| l.position[0] = f64::NAN, "position"),
             (|l| l.direction = [0.0; 3], "direction"),
