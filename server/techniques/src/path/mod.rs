@@ -84,9 +84,10 @@ impl PathTracer {
     ) -> Result<Self, GpuError> {
         let pixel_count = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixel_count * 16);
-        let split = match options.is_split {
-            true => Some((view_buffer("split_direct")?, view_buffer("split_irradiance")?)),
-            false => None,
+        let split = if options.is_split {
+            Some((view_buffer("split_direct")?, view_buffer("split_irradiance")?))
+        } else {
+            None
         };
         Ok(Self {
             options,
