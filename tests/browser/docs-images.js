@@ -30,9 +30,9 @@ try {
     const page = await browser.newPage({ viewport: { width, height }, colorScheme, reducedMotion: 'reduce' });
     await page.goto(`${server.address}/?max_spp=${SAMPLES}`);
     await page.locator('#hud[data-state=settled]').waitFor({ timeout: SETTLE_MS });
-    await page.screenshot({ path: join(folder, `${name}.png`) });
+    await page.screenshot({ path: join(folder, `${name}.jpg`), type: 'jpeg', quality: 85 });
     await page.close();
-    console.log(join(folder, `${name}.png`));
+    console.log(join(folder, `${name}.jpg`));
   }
 } finally {
   await browser.close();
