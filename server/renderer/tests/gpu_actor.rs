@@ -1,14 +1,5 @@
 //! The actor on a real device (software rendering will do): jobs, views, lights, limits, loss of the device.
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    clippy::print_stderr,
-    clippy::disallowed_methods,
-    clippy::needless_for_each,
-    clippy::unreadable_literal,
-    clippy::trivially_copy_pass_by_ref,
-    reason = "a test may stop at the first surprise and talk to its terminal"
-)]
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::sync::Arc;
 use std::time::Duration;
