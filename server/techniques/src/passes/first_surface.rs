@@ -45,7 +45,7 @@ pub fn first_surface(
         .bind(scene.bind(graph.pass(&kernel)))
         .uniform("frame", bytemuck::bytes_of(&uniforms))
         .read_write("first_surface_output", &buffer)
-        .dispatch([pixel_count.div_ceil(64), 1, 1])?;
+        .dispatch(super::workgroups_of(pixel_count))?;
     let ticket = graph.read_back(&buffer, 0..u64::from(pixel_count) * 16)?;
     let mut report = graph.submit()?.wait()?;
     let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);

@@ -8,3 +8,25 @@ pub mod frame;
 pub mod lights;
 pub mod tone_map;
 pub mod upload;
+
+/// Workgroups of 64 threads for so many pixels, in rows of at most 65,535: no device has to take more in one dimension.
+pub(crate) fn workgroups_of(pixel_count: u32) -> [u32; 3] {
+    let groups = pixel_count.div_ceil(64);
+    let rows = groups.div_ceil(65_535).max(1);
+    [groups.div_ceil(rows), rows, 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::workgroups_of;
+
+    #[test]
+    fn large_pictures_take_several_rows() {
+        assert_eq!(workgroups_of(64), [1, 1, 1]);
+        for pixel_count in [1, 65, 4_194_240, 4_194_241, 8_300_000, 64_000_000] {
+            let [columns, rows, _] = workgroups_of(pixel_count);
+            assert!(columns <= 65_535 && rows <= 65_535);
+            assert!(u64::from(columns) * u64::from(rows) * 64 >= u64::from(pixel_count));
+        }
+    }
+}

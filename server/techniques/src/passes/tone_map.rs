@@ -21,7 +21,7 @@ pub fn tone_map(
         .uniform("display", bytemuck::bytes_of(&uniforms))
         .read("accumulation", picture)
         .read_write("display_pixels", &pixels)
-        .dispatch([pixel_count.div_ceil(64), 1, 1])?;
+        .dispatch(super::workgroups_of(pixel_count))?;
     let ticket = graph.read_back(&pixels, 0..u64::from(pixel_count) * 4)?;
     let mut report = graph.submit()?.wait()?;
     Ok((report.take(ticket)?, report.passes))
