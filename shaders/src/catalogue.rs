@@ -1,6 +1,7 @@
 //! Every shader file, embedded into the binary, and the list of kernels among them.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::OnceLock;
 
 use rust_embed::RustEmbed;
@@ -47,6 +48,9 @@ struct Catalogue {
 fn catalogue() -> &'static Catalogue {
     static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
     CATALOGUE.get_or_init(|| {
+        if let Some(folder) = std::env::var_os("SURFELCAST_SHADERS") {
+            return build(files_in(Path::new(&folder)).into_iter());
+        }
         let library = LibraryFiles::iter().map(|file| (LibraryFiles::get(&file), file));
         let techniques = TechniqueFiles::iter().map(|file| (TechniqueFiles::get(&file), file));
         let files = library.chain(techniques).filter_map(|(content, file)| {
@@ -55,6 +59,23 @@ fn catalogue() -> &'static Catalogue {
         });
         build(files)
     })
+}
+
+/// Shader files of a folder on disk, in place of the embedded ones: who writes kernels need not compile the server again.
+fn files_in(root: &Path) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.join("lib"), root.join("techniques")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if let (Ok(relative), Ok(text)) = (path.strip_prefix(root), std::fs::read_to_string(&path)) {
+                found.push((relative.to_string_lossy().replace('\\', "/"), text));
+            }
+        }
+    }
+    found
 }
 
 fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {

@@ -255,6 +255,154 @@ crate::gpu_structs! {
         pub padding: u32,
     }
 
+    /// Range of a prefix sum, 16 bytes.
+    pub struct ScanUniforms {
+        /// Values.
+        pub count: u32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+        /// Unused.
+        pub padding2: u32,
+    }
+
+    /// Where a surfel lies, 48 bytes.
+    pub struct SurfelRecord {
+        /// Scene space.
+        pub position: [f32; 3],
+        /// Metres.
+        pub radius: f32,
+        /// Octahedral normal.
+        pub normal: u32,
+        /// Birth number.
+        pub serial: u32,
+        /// Triangle in leaf order.
+        pub bvh_triangle: u32,
+        /// Instance.
+        pub instance: u32,
+        /// Weights of the second and third corner.
+        pub barycentrics: [f32; 2],
+        /// Grid level.
+        pub level: u32,
+        /// Whether a candidate is one.
+        pub is_set: u32,
+    }
+
+    /// What a surfel has measured, 64 bytes.
+    pub struct SurfelLight {
+        /// B of light that has bounced at least once.
+        pub indirect: [f32; 3],
+        /// Rays in the means.
+        pub ray_count: f32,
+        /// B of sky and emission found directly.
+        pub direct: [f32; 3],
+        /// Variance of one ray's luminance.
+        pub variance: f32,
+        /// Luminance over a short window.
+        pub short_mean: f32,
+        /// Drift or inconsistency.
+        pub drift: f32,
+        /// Updates.
+        pub age: f32,
+        /// Scale of the guiding table.
+        pub guide_scale: f32,
+        /// Variance over the short window.
+        pub short_variance: f32,
+        /// Factor on blending.
+        pub blend_ratio: f32,
+        /// Unused.
+        pub padding0: f32,
+        /// Unused.
+        pub padding1: f32,
+    }
+
+    /// What a gather reads of a surfel, 32 bytes.
+    pub struct SurfelOutput {
+        /// B of light that has bounced at least once.
+        pub indirect: [f32; 3],
+        /// Rays behind the values.
+        pub ray_count: f32,
+        /// B of sky and emission found directly.
+        pub direct: [f32; 3],
+        /// Variance of the mean's luminance.
+        pub variance: f32,
+    }
+
+    /// A surfel's ray and what it brought back, 48 bytes.
+    pub struct SurfelRay {
+        /// Light that has bounced at least once.
+        pub indirect: [f32; 3],
+        /// Metres to the first hit.
+        pub distance: f32,
+        /// Light met directly.
+        pub direct: [f32; 3],
+        /// Octahedral direction in the surfel's frame.
+        pub direction: u32,
+        /// Surfel.
+        pub surfel: u32,
+        /// Sample number.
+        pub sample: u32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+    }
+
+    /// State of the surfel cache in a frame, 256 bytes.
+    pub struct SurfelUniforms {
+        /// Positions and pixel sizes at distance 1.
+        pub cameras: [[f32; 4]; 8],
+        /// Cameras in use.
+        pub camera_count: u32,
+        /// Surfels that fit.
+        pub capacity: u32,
+        /// Grid slots minus one.
+        pub slot_mask: u32,
+        /// Updates so far.
+        pub update: u32,
+        /// Seed.
+        pub seed: [u32; 2],
+        /// Side of the smallest cells, metres.
+        pub cell_size: f32,
+        /// Radius aimed at, pixels.
+        pub radius_pixels: f32,
+        /// Metres.
+        pub smallest_radius: f32,
+        /// Metres.
+        pub largest_radius: f32,
+        /// Goal of the sum of weights.
+        pub coverage: f32,
+        /// Factor of the error aimed at.
+        pub exposure: f32,
+        /// Living surfels.
+        pub live_count: u32,
+        /// Rays of this update.
+        pub ray_budget: u32,
+        /// Error goal.
+        pub target_error: f32,
+        /// Share of guided rays.
+        pub guided_share: f32,
+        /// `surfel_switches`.
+        pub switches: u32,
+        /// Share of earlier rays forgotten.
+        pub forgetting: f32,
+        /// Share of the capacity in use.
+        pub fill: f32,
+        /// Number of the next surfel born.
+        pub next_serial: u32,
+        /// Items of this dispatch.
+        pub item_count: u32,
+        /// First item.
+        pub first_item: u32,
+        /// Columns of tiles.
+        pub columns: u32,
+        /// Rows of tiles.
+        pub rows: u32,
+        /// Unused.
+        pub padding: [[u32; 4]; 2],
+    }
+
     /// Uniforms of the tone map, 16 bytes.
     pub struct ToneMapUniforms {
         /// Pixels.
@@ -292,3 +440,24 @@ pub mod material_flags {
 
 /// Bit 0 of [`BvhTriangle::flags`]: alpha decides each hit.
 pub const TRIANGLE_ALPHA: u32 = 1;
+
+/// Bits of [`SurfelUniforms::switches`].
+pub mod surfel_switches {
+    /// Gathers respect radial depth.
+    pub const DEPTH: u32 = 1;
+    /// Outputs are shared with neighbours while they are noise.
+    pub const SHARING: u32 = 2;
+    /// The multiscale mean estimator replaces the running mean.
+    pub const MULTISCALE: u32 = 4;
+    /// Means forget when they drift.
+    pub const DRIFT_TEST: u32 = 8;
+    /// Ray hits are served from the cache.
+    pub const FEEDBACK: u32 = 16;
+}
+
+/// Words of a surfel's directional tables.
+pub const SURFEL_TILE_WORDS: u32 = 32;
+/// Candidates that ray hits may put up in one update.
+pub const SURFEL_HIT_CANDIDATES: u32 = 4096;
+/// Slots in which they compete.
+pub const SURFEL_CLAIM_SLOTS: u32 = 16_384;

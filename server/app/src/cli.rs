@@ -3,6 +3,8 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use surfelcast_renderer::SurfelSettings;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Headless render server with global illumination.
@@ -89,6 +91,9 @@ pub(crate) struct RenderArgs {
     /// Technique.
     #[arg(long, default_value = "path", value_parser = technique_ids())]
     pub(crate) technique: String,
+    /// Settings of the surfel cache.
+    #[arg(long, default_value = "balanced", value_parser = preset_names())]
+    pub(crate) preset: String,
     /// Samples a pixel.
     #[arg(long, alias = "frames", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub(crate) spp: Option<u32>,
@@ -119,6 +124,10 @@ pub(crate) struct RenderArgs {
 
 fn technique_ids() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
+}
+
+fn preset_names() -> clap::builder::PossibleValuesParser {
+    SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
 }
 
 fn aov_names() -> clap::builder::PossibleValuesParser {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use surfelcast_renderer::{
     Aov, DeviceState, MaterialMode, RenderJob, RenderOutput, RendererConfig, RendererHandle, RendererStatus, StopRules,
+    SurfelSettings,
 };
 use surfelcast_scene::{NamedCamera, Scene};
 use surfelcast_stream::{Codec, Quality, encode, encode_exr, tone_map_to_rgba8};
@@ -140,6 +141,7 @@ fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure:
             Materials::Pbr => MaterialMode::Pbr,
             Materials::Lambert => MaterialMode::Lambert,
         },
+        surfel: SurfelSettings::by_name(&args.preset).unwrap_or_default(),
         seed: args.seed,
         stop: StopRules {
             samples: args.spp.or((!has_rule).then_some(DEFAULT_SAMPLES)),

@@ -76,8 +76,10 @@ impl<'a> Stats<'a> {
             passes: &output.passes,
             skipped: &output.skipped,
             non_finite: output.non_finite,
-            // No technique of this version keeps surfels.
-            surfels: json!({ "live": 0, "capacity": 0 }),
+            surfels: match output.surfels {
+                Some([live, capacity]) => json!({ "live": live, "capacity": capacity }),
+                None => json!({ "live": 0, "capacity": 0 }),
+            },
             memory_bytes: output.memory_bytes.iter().map(|(kind, bytes)| (kind.clone(), json!(bytes))).collect(),
         }
     }

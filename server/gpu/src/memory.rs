@@ -13,6 +13,8 @@ use crate::error::GpuError;
 pub enum MemoryKind {
     /// Geometry, materials, textures, lights: lives as long as a session.
     Scene,
+    /// What all views of a session share beside its scene: lives as long as the session.
+    Session,
     /// Accumulators and pictures: lives as long as a view.
     View,
     /// On its way to the host or from it.
@@ -24,6 +26,8 @@ pub enum MemoryKind {
 pub struct MemoryUse {
     /// Of scenes.
     pub scene_bytes: u64,
+    /// Of sessions.
+    pub session_bytes: u64,
     /// Of views.
     pub view_bytes: u64,
     /// Of staging.
@@ -35,7 +39,7 @@ pub struct MemoryUse {
 impl MemoryUse {
     /// All kinds together.
     pub fn total_bytes(&self) -> u64 {
-        self.scene_bytes + self.view_bytes + self.staging_bytes
+        self.scene_bytes + self.session_bytes + self.view_bytes + self.staging_bytes
     }
 
     /// What is left of the budget.
@@ -46,6 +50,7 @@ impl MemoryUse {
     fn of(&mut self, kind: MemoryKind) -> &mut u64 {
         match kind {
             MemoryKind::Scene => &mut self.scene_bytes,
+            MemoryKind::Session => &mut self.session_bytes,
             MemoryKind::View => &mut self.view_bytes,
             MemoryKind::Staging => &mut self.staging_bytes,
         }

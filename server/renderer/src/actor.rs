@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::path::general_features;
-use surfelcast_techniques::{LightBuffers, LightState, MaterialMode, SceneBuffers, registry};
+use surfelcast_techniques::{Change, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
 use tokio::sync::{mpsc, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, Reply, SessionKey, ViewKey};
@@ -46,6 +46,8 @@ struct Session {
     scene_rev: u32,
     /// Scene and light table on the device; made when first needed.
     on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
+    /// What its views share.
+    shared: SessionState,
 }
 
 struct Job {
@@ -185,6 +187,7 @@ impl Actor {
                     } else {
                         state.on_device = None;
                     }
+                    state.shared.invalidate(Change::Lights);
                     for view in self.views.values_mut().filter(|view| view.session == session) {
                         view.relight();
                     }
@@ -240,7 +243,7 @@ impl Actor {
         let Some(gpu) = &self.gpu else { return Err(RendererError::DeviceLost) };
         self.store.admit(gpu, &scene)?;
         let lights = LightState::of_scene(&scene);
-        self.sessions.insert(session, Session { scene, lights, scene_rev: 0, on_device: None });
+        self.sessions.insert(session, Session { scene, lights, scene_rev: 0, on_device: None, shared: SessionState::default() });
         Ok(())
     }
 
@@ -327,7 +330,7 @@ impl Actor {
         };
         let result = on_device(&gpu, &mut self.store, session).and_then(|()| {
             let Some((scene, lights)) = &session.on_device else { return Ok(false) };
-            view.step(&gpu, scene, lights, session.scene_rev)
+            view.step(&gpu, scene, lights, &session.shared, session.scene_rev)
         });
         self.ray_count += view.take_rays();
         match result {
@@ -392,7 +395,8 @@ impl Actor {
                 Ok(gpu) => {
                     if self.config.prepares_general_kernels {
                         // They compile while the first scene is still being read.
-                        for kernel in registry::TECHNIQUES.iter().flat_map(|entry| entry.kernels) {
+                        let techniques = registry::TECHNIQUES.iter().flat_map(|entry| entry.kernels);
+                        for kernel in techniques.chain(&["error_audit"]) {
                             gpu.prepare(kernel, general_features(MaterialMode::Pbr, false));
                         }
                     }
@@ -415,6 +419,7 @@ impl Actor {
         self.store.clear();
         for session in self.sessions.values_mut() {
             session.on_device = None;
+            session.shared = SessionState::default();
         }
         for view in self.views.values_mut() {
             view.drop_work();

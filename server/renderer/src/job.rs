@@ -18,7 +18,7 @@ pub struct StopRules {
     pub time_limit: Option<Duration>,
 }
 
-pub use surfelcast_techniques::MaterialMode;
+pub use surfelcast_techniques::{MaterialMode, SurfelSettings};
 
 /// Extra output instead of radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -81,6 +81,8 @@ pub struct RenderJob {
     pub technique: String,
     /// Materials.
     pub materials: MaterialMode,
+    /// Settings of the surfel cache.
+    pub surfel: SurfelSettings,
     /// Seed: the same job on the same device gives the same picture, unless a time limit ended it.
     pub seed: u64,
     /// When to stop.
@@ -163,6 +165,8 @@ pub struct RenderOutput {
     pub render_secs: f64,
     /// Seconds of upload and pipeline creation.
     pub setup_secs: f64,
+    /// Surfels in use and surfels that fit; `None` where the technique has none.
+    pub surfels: Option<[u32; 2]>,
     /// Passes that ran.
     pub passes: Vec<PassTime>,
     /// Passes that did not.

@@ -25,6 +25,7 @@ pub use config::RendererConfig;
 pub use handle::{RendererError, RendererHandle};
 pub use job::{
     Aov, ErrorEstimate, JobProgress, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules,
+    SurfelSettings,
 };
 pub use lights::SessionLights;
 pub use slot::FrameSlot;

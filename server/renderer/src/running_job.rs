@@ -9,7 +9,7 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::passes::{features, first_surface};
 use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, registry};
+use surfelcast_techniques::{Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry};
 
 use crate::handle::RendererError;
 use crate::job::{Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass};
@@ -67,6 +67,7 @@ pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
         .kernels
         .iter()
         .filter(|_| surface_output(job.aov).is_none())
+        .chain(["error_audit"].iter().filter(|_| job.aov.is_none()))
         .map(|&kernel| (kernel, features(is_split && kernel != "error_audit")))
         .collect()
 }
@@ -88,16 +89,19 @@ impl RunningJob {
         let lights = LightBuffers::new(gpu, &job.scene, &state)?;
         let options = TechniqueOptions {
             size: job.size,
+            full_size: job.size,
             materials: job.materials,
             is_split: is_split(job.aov),
             seed: job.seed,
             waits_for_kernels: true,
+            surfel: job.surfel,
         };
-        let technique = (entry.create)(gpu, &scene, &lights, options)?;
+        // A job starts from nothing, so that it gives the same bytes whatever was rendered before it.
+        let technique = (entry.create)(gpu, &scene, &lights, &SessionState::default(), options)?;
         let audited = technique.features().set(surfelcast_shaders::Feature::Split, false);
         let audit = (job.aov.is_none()).then(|| Audit::new(gpu, audited, job.size, job.seed)).transpose()?;
         Ok(Self {
-            view: FrameView { camera: job.camera, size: job.size },
+            view: FrameView { camera: job.camera, size: job.size, exposure: job.exposure },
             scene,
             lights,
             technique,
@@ -259,11 +263,13 @@ impl RunningJob {
             rays: self.rays,
             render_secs: self.started.elapsed().as_secs_f64(),
             setup_secs: self.setup_secs,
+            surfels: self.technique.surfels(),
             passes: pass_times(&self.passes),
             skipped: skipped_passes(self.technique.features(), self.audit.is_none()),
             non_finite: self.non_finite,
             memory_bytes: vec![
                 ("scene".to_owned(), memory.scene_bytes),
+                ("session".to_owned(), memory.session_bytes),
                 ("view".to_owned(), memory.view_bytes),
                 ("staging".to_owned(), memory.staging_bytes),
             ],

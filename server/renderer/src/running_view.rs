@@ -9,7 +9,7 @@ use surfelcast_shaders::Feature;
 use surfelcast_techniques::passes::tone_map::tone_map;
 use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{Change, StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, registry};
+use surfelcast_techniques::{Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry};
 
 use crate::command::SessionKey;
 use crate::handle::RendererError;
@@ -212,10 +212,11 @@ impl RunningView {
         gpu: &Gpu,
         scene: &Arc<SceneBuffers>,
         lights: &LightBuffers,
+        session: &SessionState,
         scene_rev: u32,
     ) -> Result<bool, RendererError> {
         let started = Instant::now();
-        let result = self.step_inner(gpu, scene, lights, scene_rev);
+        let result = self.step_inner(gpu, scene, lights, session, scene_rev);
         let secs = started.elapsed().as_secs_f64();
         self.used_secs += secs;
         self.secs_since_frame += secs;
@@ -238,6 +239,7 @@ impl RunningView {
         gpu: &Gpu,
         scene: &Arc<SceneBuffers>,
         lights: &LightBuffers,
+        session: &SessionState,
         scene_rev: u32,
     ) -> Result<bool, RendererError> {
         // A frame of a gesture that has begun is finished and shown even if a newer pose is known: a picture of a moment
@@ -249,7 +251,7 @@ impl RunningView {
         if self.stage == Stage::Converged {
             return if self.is_unsent { self.show(gpu, scene_rev) } else { Ok(false) };
         }
-        self.prepare(gpu, scene, lights)?;
+        self.prepare(gpu, scene, lights, session)?;
         if !self.is_whole() {
             self.trace(gpu, scene, lights)?;
         }
@@ -296,7 +298,13 @@ impl RunningView {
     }
 
     /// Makes the technique, where its size or kind changed.
-    fn prepare(&mut self, gpu: &Gpu, scene: &SceneBuffers, lights: &LightBuffers) -> Result<(), RendererError> {
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        session: &SessionState,
+    ) -> Result<(), RendererError> {
         let size = self.render_size();
         let needs_features =
             |work: &Work| work.technique.features().contains(Feature::PunctualLights) == (lights.punctual_count > 0);
@@ -313,12 +321,14 @@ impl RunningView {
             .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", self.shown.technique)))?;
         let options = TechniqueOptions {
             size,
+            full_size: self.shown.size,
             materials: MaterialMode::Pbr,
             is_split: false,
             seed: SEED,
             waits_for_kernels: false,
+            surfel: SurfelSettings::default(),
         };
-        let technique = (entry.create)(gpu, scene, lights, options)?;
+        let technique = (entry.create)(gpu, scene, lights, session, options)?;
         self.work = Some(Work {
             technique,
             technique_id: self.shown.technique.clone(),
@@ -332,7 +342,7 @@ impl RunningView {
     fn trace(&mut self, gpu: &Gpu, scene: &SceneBuffers, lights: &LightBuffers) -> Result<(), RendererError> {
         let goal = self.goal_samples();
         let Some(work) = &mut self.work else { return Ok(()) };
-        let view = FrameView { camera: self.shown.camera, size: work.size };
+        let view = FrameView { camera: self.shown.camera, size: work.size, exposure: self.shown.exposure };
         let mut until = goal;
         if self.stage == Stage::Refining {
             // Stop where the picture is shown or audited next.
@@ -419,7 +429,7 @@ impl RunningView {
             Some(audit) => audit,
             none => none.insert(Audit::new(gpu, work.technique.features(), work.size, SEED)?),
         };
-        let view = FrameView { camera: self.shown.camera, size: work.size };
+        let view = FrameView { camera: self.shown.camera, size: work.size, exposure: self.shown.exposure };
         let picture = work.technique.picture();
         let found = audit.run(gpu, scene, lights, &view, picture, samples, self.shown.exposure)?;
         work.next_audit = samples.saturating_mul(AUDIT_GROWTH);

@@ -7,7 +7,7 @@ use std::time::Duration;
 use surfelcast_renderer::scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_renderer::{
     DeviceState, Frame, FrameKind, FrameSlot, MaterialMode, RenderJob, RendererConfig, RendererError, RendererHandle,
-    SessionLights, StopRules, ViewState, start,
+    SessionLights, StopRules, SurfelSettings, ViewState, start,
 };
 
 /// Longest wait for anything a test expects.
@@ -28,6 +28,7 @@ fn job(scene: &Arc<Scene>, samples: u32) -> RenderJob {
         size: [48, 48],
         technique: "path".to_owned(),
         materials: MaterialMode::Lambert,
+        surfel: SurfelSettings::default(),
         seed: 7,
         stop: StopRules { samples: Some(samples), ..StopRules::default() },
         exposure: 1.0,

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 use surfelcast_protocol::settings::Pose;
 use surfelcast_renderer::scene::{Camera, Scene};
-use surfelcast_renderer::{Aov, MaterialMode, RenderJob, RendererStatus, StopRules};
+use surfelcast_renderer::{Aov, MaterialMode, RenderJob, RendererStatus, StopRules, SurfelSettings};
 
 use crate::config::Bounds;
 use crate::problem::ApiError;
@@ -166,6 +166,7 @@ impl RenderSpec {
             size,
             technique: technique.to_owned(),
             materials: self.materials,
+            surfel: SurfelSettings::default(),
             seed: self.seed,
             stop: self.stop,
             exposure,
@@ -189,6 +190,7 @@ fn cache_key(job: &RenderJob, status: &RendererStatus, server: &str) -> String {
     add("size", &job.size);
     add("technique", &job.technique);
     add("materials", &job.materials);
+    add("surfel", &job.surfel);
     add("seed", &job.seed);
     add("stop", &(job.stop.samples, job.stop.max_error.map(f32::to_bits), job.stop.time_limit));
     add("exposure", &job.exposure.to_bits());

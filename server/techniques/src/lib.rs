@@ -7,6 +7,8 @@
 pub mod passes;
 pub mod path;
 pub mod registry;
+pub mod session;
+pub mod surfel;
 pub mod technique;
 
 pub use passes::audit::{Audit, AuditResult};
@@ -14,6 +16,8 @@ pub use passes::first_surface::FirstSurfaceOutput;
 pub use passes::frame::FrameView;
 pub use passes::lights::{LightBuffers, LightState};
 pub use passes::upload::SceneBuffers;
+pub use session::SessionState;
+pub use surfel::SurfelSettings;
 pub use technique::{
     Change, Conformance, MaterialMode, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
 };

@@ -7,6 +7,8 @@ use surfelcast_shaders::Features;
 use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
+use crate::session::SessionState;
+use crate::surfel::SurfelSettings;
 
 /// How surfaces scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -46,6 +48,8 @@ pub enum Conformance {
 pub struct TechniqueOptions {
     /// Picture size in pixels.
     pub size: [u32; 2],
+    /// Size at which it is shown: pictures of a gesture are made smaller, and what a session keeps must not follow that.
+    pub full_size: [u32; 2],
     /// Materials.
     pub materials: MaterialMode,
     /// Direct and indirect light are kept apart too.
@@ -54,6 +58,8 @@ pub struct TechniqueOptions {
     pub seed: u64,
     /// Whether to wait for the kernels' special variants. Otherwise the general ones serve until those are compiled.
     pub waits_for_kernels: bool,
+    /// Settings of the surfel cache, for techniques that use it.
+    pub surfel: SurfelSettings,
 }
 
 /// Why a technique cannot work here.
@@ -125,11 +131,16 @@ pub trait Technique: Send {
 
     /// Structural switches in use.
     fn features(&self) -> Features;
+
+    /// Surfels in use and surfels that fit; `None` for techniques without any.
+    fn surfels(&self) -> Option<[u32; 2]> {
+        None
+    }
 }
 
 /// Makes a technique for one picture.
 pub type CreateTechnique =
-    fn(&Gpu, &SceneBuffers, &LightBuffers, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>;
+    fn(&Gpu, &SceneBuffers, &LightBuffers, &SessionState, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>;
 
 /// A technique on offer: one line of the registry.
 #[derive(Clone, Copy)]

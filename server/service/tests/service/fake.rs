@@ -258,6 +258,7 @@ fn output_of(job: &RenderJob) -> RenderOutput {
         rays: RayCounts::default(),
         render_secs: 0.25,
         setup_secs: 0.0,
+        surfels: None,
         passes: Vec::new(),
         skipped: Vec::new(),
         non_finite: 0,

@@ -19,6 +19,8 @@ pub struct FrameView {
     pub camera: Camera,
     /// Pixels.
     pub size: [u32; 2],
+    /// Linear factor of the error metric.
+    pub exposure: f32,
 }
 
 impl FrameView {
@@ -56,7 +58,7 @@ impl FrameView {
             scene_radius: scene.radius,
             top_root: scene.traversal_root(features),
             maximum_bounces: MAXIMUM_BOUNCES,
-            exposure: 1.0,
+            exposure: self.exposure,
             selector: 0,
         }
     }

@@ -26,9 +26,9 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     label: "Path tracing",
     summary: "Unbiased reference: every pixel traced on its own, refined until its error is met.",
     conformance: Conformance::Unbiased,
-    kernels: &["path_trace", "error_audit"],
+    kernels: &["path_trace"],
     needs: |_| Ok(()),
-    create: |gpu, scene, lights, options| Ok(Box::new(PathTracer::new(gpu, scene, lights, options)?)),
+    create: |gpu, scene, lights, _, options| Ok(Box::new(PathTracer::new(gpu, scene, lights, options)?)),
 };
 
 /// The kernel.

@@ -1,0 +1,52 @@
+//! Exclusive prefix sums of `u32`, in place: places in a list without counting arrivals, so that the order is always the
+//! same.
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::ScanUniforms;
+
+/// Values that one workgroup sums.
+const BLOCK: u32 = 1024;
+
+/// The kernels, and room for the sums of blocks of as many values as it was made for.
+#[derive(Debug)]
+pub struct Scan {
+    blocks: Kernel,
+    totals: Kernel,
+    add: Kernel,
+    sums: Buffer,
+}
+
+impl Scan {
+    /// For up to so many values.
+    pub fn new(gpu: &Gpu, largest_count: u32) -> Result<Self, GpuError> {
+        let sums_bytes = (u64::from(largest_count.div_ceil(BLOCK)) + 1) * 4;
+        Ok(Self {
+            blocks: gpu.kernel("scan_blocks", Features::NONE)?,
+            totals: gpu.kernel("scan_totals", Features::NONE)?,
+            add: gpu.kernel("scan_add", Features::NONE)?,
+            sums: gpu.buffer("scan_sums", MemoryKind::Session, sums_bytes)?,
+        })
+    }
+
+    /// Replaces each of the first `count` values by the sum of those before it.
+    pub fn record(&self, graph: &mut Graph, values: &Buffer, count: u32) -> Result<(), GpuError> {
+        let uniforms = ScanUniforms { count, padding0: 0, padding1: 0, padding2: 0 };
+        let uniforms = bytemuck::bytes_of(&uniforms);
+        let groups = [count.div_ceil(BLOCK), 1, 1];
+        graph
+            .pass(&self.blocks)
+            .uniform("scan", uniforms)
+            .read_write("scan_values", values)
+            .read_write("scan_sums", &self.sums)
+            .dispatch(groups)?;
+        graph.pass(&self.totals).uniform("scan", uniforms).read_write("scan_sums", &self.sums).dispatch([1, 1, 1])?;
+        graph
+            .pass(&self.add)
+            .uniform("scan", uniforms)
+            .read_write("scan_values", values)
+            .read("scan_sums", &self.sums)
+            .dispatch(groups)
+    }
+}

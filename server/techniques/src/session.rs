@@ -1,0 +1,48 @@
+//! What techniques keep for a whole session, shared by all its pictures.
+
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+use surfelcast_gpu::{Gpu, GpuError};
+
+use crate::passes::upload::SceneBuffers;
+use crate::surfel::{SurfelCache, SurfelSettings};
+use crate::technique::{Change, MaterialMode};
+
+/// State of a session beside its scene and lights. A batch render has one of its own.
+#[derive(Debug, Default)]
+pub struct SessionState {
+    surfels: Mutex<Option<(MaterialMode, Arc<Mutex<SurfelCache>>)>>,
+}
+
+impl SessionState {
+    /// The session's surfel cache, made when first asked for. Other settings or materials make a new one.
+    pub(crate) fn surfel_cache(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        materials: MaterialMode,
+        settings: SurfelSettings,
+        seed: u64,
+    ) -> Result<Arc<Mutex<SurfelCache>>, GpuError> {
+        let mut held = self.surfels.lock();
+        if let Some((of, cache)) = &*held
+            && *of == materials
+            && *cache.lock().settings() == settings
+        {
+            return Ok(Arc::clone(cache));
+        }
+        // The old one is freed first, so that the new one may take its place.
+        *held = None;
+        let cache = Arc::new(Mutex::new(SurfelCache::new(gpu, scene, settings, seed)?));
+        *held = Some((materials, Arc::clone(&cache)));
+        Ok(cache)
+    }
+
+    /// Forgets what no longer holds.
+    pub fn invalidate(&self, change: Change) {
+        if let (Change::Lights, Some((_, cache))) = (change, &*self.surfels.lock()) {
+            cache.lock().relight();
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! The surfel cache of a session: its memory, its cameras, and what of it survives a change.
+
+use glam::DVec3;
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::{
+    SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord,
+    SurfelUniforms, surfel_switches,
+};
+
+use crate::passes::counters;
+use crate::passes::scan::Scan;
+use crate::passes::upload::SceneBuffers;
+use crate::surfel::settings::{Estimator, SurfelSettings};
+
+/// Smallest and largest capacity.
+const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];
+/// Share of the device's budget that a cache takes at most where its capacity is not given.
+const MEMORY_SHARE: u64 = 16;
+/// Grid entries for each surfel: cells are two radii wide, so none reaches into more.
+const ENTRIES_PER_SURFEL: u64 = 8;
+/// Cameras that decide on radii at most; more views are served all the same.
+const MAX_CAMERAS: usize = 8;
+/// Side of the smallest cells as a share of the scene's radius.
+const CELL_SHARE: f32 = 1.0 / 262_144.0;
+/// Bounds of radii as shares of the scene's radius.
+const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
+/// Updates for which a cache forgets, after it was made or the light changed, and the share it forgets in each: what it
+/// learnt from itself while it knew little must not stay in its means.
+const YOUNG_UPDATES: u32 = 16;
+const FORGETTING: f32 = 0.2;
+/// Updates after a change during which means may forget by themselves.
+const DRIFT_UPDATES: u32 = 256;
+const SEED_SALT: u64 = 0x7375_7266_656c_0001;
+
+/// A camera that uses the cache.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CacheCamera {
+    /// Scene space.
+    pub(crate) position: [f32; 3],
+    /// Size of a pixel at distance 1.
+    pub(crate) pixel_size: f32,
+}
+
+/// Where an update stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum UpdateStage {
+    /// None is under way.
+    Idle,
+    /// Rays from here on are still to be traced.
+    Tracing {
+        /// Next ray.
+        next: u32,
+        /// Rays of the update.
+        count: u32,
+    },
+}
+
+/// Surfels of one session in device memory.
+#[derive(Debug)]
+pub struct SurfelCache {
+    settings: SurfelSettings,
+    seed: u64,
+    cell_size: f32,
+    radii: [f32; 2],
+    pub(crate) capacity: u32,
+    pub(crate) slot_count: u32,
+    pub(crate) scan: Scan,
+    /// `SurfelRecord` by id.
+    pub(crate) records: Buffer,
+    /// `SurfelLight` by id: what surfels measured.
+    pub(crate) lights: Buffer,
+    /// `SurfelOutput` by id: what gathers read.
+    pub(crate) outputs: Buffer,
+    /// Guiding and depth tables by id.
+    pub(crate) tiles: Buffer,
+    /// Alive, pinned, from a hit; by id.
+    pub(crate) flags: Buffer,
+    /// Ids of the living, then ids of the free.
+    pub(crate) lists: Buffer,
+    /// First entry by slot, then entries.
+    pub(crate) grid: Buffer,
+    pub(crate) slot_cursors: Buffer,
+    /// Last update that looked into a slot.
+    pub(crate) slot_seen: Buffer,
+    pub(crate) values: Buffer,
+    pub(crate) claims: Buffer,
+    pub(crate) rays: Buffer,
+    pub(crate) candidates: Buffer,
+    pub(crate) counters: Buffer,
+    /// Living surfels.
+    pub(crate) live: u32,
+    pub(crate) next_serial: u32,
+    /// Updates so far.
+    pub(crate) update: u32,
+    /// Updates since the light last changed.
+    pub(crate) calm_updates: u32,
+    /// Rays of the update before were none, since every surfel had reached its goal.
+    pub(crate) is_settled: bool,
+    pub(crate) stage: UpdateStage,
+    cameras: Vec<(u64, CacheCamera)>,
+    next_camera: u64,
+    exposure: f32,
+    /// The light changed: lights are cut down before the next update.
+    pub(crate) is_relit: bool,
+}
+
+fn buffer_of<T>(gpu: &Gpu, label: &str, count: u64) -> Result<Buffer, GpuError> {
+    gpu.buffer(label, MemoryKind::Session, count * size_of::<T>() as u64)
+}
+
+impl SurfelCache {
+    /// An empty cache.
+    pub(crate) fn new(gpu: &Gpu, scene: &SceneBuffers, settings: SurfelSettings, seed: u64) -> Result<Self, GpuError> {
+        let capacity = capacity_for(gpu, settings.capacity);
+        let slot_count = capacity * 2;
+        let surfels = u64::from(capacity);
+        let candidate_count = SURFEL_HIT_CANDIDATES;
+        let grid_words = u64::from(slot_count) + 2 + surfels * ENTRIES_PER_SURFEL;
+        let cache = Self {
+            settings,
+            seed: seed ^ SEED_SALT,
+            cell_size: (scene.radius * CELL_SHARE).max(f32::MIN_POSITIVE),
+            radii: RADIUS_SHARES.map(|share| (scene.radius * share).max(f32::MIN_POSITIVE)),
+            capacity,
+            slot_count,
+            scan: Scan::new(gpu, slot_count + 1)?,
+            records: buffer_of::<SurfelRecord>(gpu, "surfels", surfels)?,
+            lights: buffer_of::<SurfelLight>(gpu, "surfel_lights", surfels)?,
+            outputs: buffer_of::<SurfelOutput>(gpu, "surfel_outputs", surfels)?,
+            tiles: buffer_of::<u32>(gpu, "surfel_tiles", surfels * u64::from(SURFEL_TILE_WORDS))?,
+            flags: buffer_of::<u32>(gpu, "surfel_flags", surfels)?,
+            lists: buffer_of::<u32>(gpu, "surfel_lists", surfels * 2)?,
+            grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words)?,
+            slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(slot_count))?,
+            slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(slot_count))?,
+            values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
+            claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
+            rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
+            candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
+            counters: counters::buffer(gpu)?,
+            live: 0,
+            next_serial: 1,
+            update: 1,
+            calm_updates: 0,
+            is_settled: false,
+            stage: UpdateStage::Idle,
+            cameras: Vec::new(),
+            next_camera: 0,
+            exposure: 1.0,
+            is_relit: false,
+        };
+        let mut graph = gpu.graph("surfel_cache");
+        for buffer in [
+            &cache.records,
+            &cache.lights,
+            &cache.outputs,
+            &cache.tiles,
+            &cache.flags,
+            &cache.grid,
+            &cache.slot_seen,
+            &cache.rays,
+            &cache.candidates,
+            &cache.lists,
+        ] {
+            graph.clear(buffer)?;
+        }
+        graph.submit()?.wait()?;
+        // Every surfel is free, in the order of the ids.
+        let free: Vec<u32> = (0..capacity).collect();
+        gpu.upload(&cache.lists, surfels * 4, bytemuck::cast_slice(&free))?;
+        Ok(cache)
+    }
+
+    /// Settings it was made with.
+    pub fn settings(&self) -> &SurfelSettings {
+        &self.settings
+    }
+
+    /// Living surfels and surfels that fit.
+    pub fn counts(&self) -> [u32; 2] {
+        [self.live, self.capacity]
+    }
+
+    /// Registers a camera; the number names it from now on.
+    pub(crate) fn add_camera(&mut self) -> u64 {
+        self.next_camera += 1;
+        self.next_camera
+    }
+
+    /// Says where a camera is.
+    pub(crate) fn set_camera(&mut self, camera: u64, at: CacheCamera, exposure: f32) {
+        self.exposure = exposure;
+        match self.cameras.iter_mut().find(|(known, _)| *known == camera) {
+            Some((_, known)) => *known = at,
+            None => self.cameras.push((camera, at)),
+        }
+    }
+
+    /// Forgets a camera.
+    pub(crate) fn remove_camera(&mut self, camera: u64) {
+        self.cameras.retain(|(known, _)| *known != camera);
+    }
+
+    /// The light changed: values stay as a first guess, and count for next to nothing.
+    pub(crate) fn relight(&mut self) {
+        self.is_relit = true;
+        self.is_settled = false;
+        self.calm_updates = 0;
+    }
+
+    /// Makes room for so many rays and candidates.
+    pub(crate) fn reserve(&mut self, gpu: &Gpu, rays: u32, tiles: u32) -> Result<(), GpuError> {
+        let ray_bytes = u64::from(rays) * size_of::<SurfelRay>() as u64;
+        if self.stage == UpdateStage::Idle && self.rays.size_bytes() < ray_bytes {
+            self.rays = buffer_of::<SurfelRay>(gpu, "rays", u64::from(rays))?;
+            let mut graph = gpu.graph("surfel_rays");
+            graph.clear(&self.rays)?;
+            graph.submit()?.wait()?;
+        }
+        let candidates = u64::from(SURFEL_HIT_CANDIDATES + tiles);
+        if self.candidates.size_bytes() < candidates * size_of::<SurfelRecord>() as u64 {
+            self.candidates = buffer_of::<SurfelRecord>(gpu, "candidates", candidates)?;
+            let mut graph = gpu.graph("surfel_candidates");
+            graph.clear(&self.candidates)?;
+            graph.submit()?.wait()?;
+        }
+        if self.values.size_bytes() < (candidates + 1) * 4 {
+            self.values = buffer_of::<u32>(gpu, "scan_values", candidates + 1)?;
+        }
+        Ok(())
+    }
+
+    /// Uniforms of a dispatch; callers fill in what it works on.
+    pub(crate) fn uniforms(&self, ray_budget: u32) -> SurfelUniforms {
+        let mut cameras = [[0.0; 4]; MAX_CAMERAS];
+        // The newest views decide where there are too many.
+        let skipped = self.cameras.len().saturating_sub(MAX_CAMERAS);
+        let used = &self.cameras[skipped..];
+        for (slot, (_, camera)) in cameras.iter_mut().zip(used) {
+            let [x, y, z] = camera.position;
+            *slot = [x, y, z, camera.pixel_size];
+        }
+        let settings = &self.settings;
+        let is_young = self.calm_updates < YOUNG_UPDATES;
+        let switches = [
+            (settings.respects_depth, surfel_switches::DEPTH),
+            (settings.shares, surfel_switches::SHARING),
+            (settings.estimator == Estimator::Multiscale, surfel_switches::MULTISCALE),
+            (self.calm_updates < DRIFT_UPDATES, surfel_switches::DRIFT_TEST),
+            (settings.feeds_back, surfel_switches::FEEDBACK),
+        ];
+        SurfelUniforms {
+            cameras,
+            camera_count: used.len() as u32,
+            capacity: self.capacity,
+            slot_mask: self.slot_count - 1,
+            update: self.update,
+            seed: [self.seed as u32, (self.seed >> 32) as u32],
+            cell_size: self.cell_size,
+            radius_pixels: settings.radius_pixels,
+            smallest_radius: self.radii[0],
+            largest_radius: self.radii[1],
+            coverage: settings.coverage,
+            exposure: self.exposure,
+            live_count: self.live,
+            ray_budget,
+            target_error: settings.target_error,
+            guided_share: settings.guided_share,
+            switches: switches.iter().filter(|(is_on, _)| *is_on).map(|(_, bit)| bit).sum(),
+            forgetting: if is_young { FORGETTING } else { 0.0 },
+            fill: self.live as f32 / self.capacity as f32,
+            next_serial: self.next_serial,
+            item_count: 0,
+            first_item: 0,
+            columns: 0,
+            rows: 0,
+            padding: [[0; 4]; 2],
+        }
+    }
+}
+
+/// The power of two asked for, or one that fits into the cache's share of the memory.
+fn capacity_for(gpu: &Gpu, wanted: u32) -> u32 {
+    let [least, most] = CAPACITY_RANGE;
+    if wanted > 0 {
+        return wanted.clamp(least, most).next_power_of_two();
+    }
+    let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 80;
+    let affordable = gpu.memory().budget_bytes / MEMORY_SHARE / bytes_each as u64;
+    let affordable = u32::try_from(affordable).unwrap_or(most).clamp(least, 1 << 18);
+    // The largest power of two that is not above it.
+    1 << affordable.ilog2()
+}
+
+/// Size of a pixel at distance 1, and the camera's place in scene space.
+pub(crate) fn cache_camera(view: &crate::FrameView, origin: DVec3, full_size: [u32; 2]) -> CacheCamera {
+    let pixel_size = 2.0 * (view.camera.vfov * 0.5).tan() / f64::from(full_size[1].max(1));
+    CacheCamera { position: (view.camera.position - origin).as_vec3().to_array(), pixel_size: pixel_size as f32 }
+}

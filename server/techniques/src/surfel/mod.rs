@@ -1,0 +1,306 @@
+//! `surfel`: a persistent cache of indirect light on discs all over the scene, shared by every camera of a session.
+//!
+//! A frame: see what each pixel's camera ray meets; cover what no surfel covers; trace the surfels' rays and update their
+//! means; shade each pixel with direct light of its own and indirect light from the surfels around it. What the kernels do
+//! is described in `shaders/techniques/surfel/README.md`.
+//!
+//! The cache ([`SurfelCache`]) belongs to the session ([`crate::SessionState`]); a technique object is one picture that
+//! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
+
+mod cache;
+mod kernels;
+mod settings;
+mod update;
+
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::FrameUniforms;
+
+pub use cache::SurfelCache;
+pub use settings::{Estimator, SurfelSettings};
+
+use crate::passes::features::features_for;
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::passes::{counters, workgroups_of};
+use crate::path::general_features;
+use crate::session::SessionState;
+use crate::surfel::cache::{UpdateStage, cache_camera};
+use crate::surfel::kernels::KernelSet;
+use crate::surfel::update::{Asking, Work, add_passes, count_rays};
+use crate::technique::{Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};
+
+/// Registry line.
+pub const ENTRY: TechniqueEntry = TechniqueEntry {
+    id: "surfel",
+    label: "Surfel cache",
+    summary: "Real-time default: indirect light from a cache that all views share and that stays.",
+    conformance: Conformance::Biased { rmse_tonemapped: 0.03 },
+    kernels: KERNELS,
+    needs: |_| Ok(()),
+    create: |gpu, scene, lights, session, options| {
+        Ok(Box::new(SurfelPicture::new(gpu, scene, lights, session, options)?))
+    },
+};
+
+const KERNELS: &[&str] = &[
+    "surfel_visibility",
+    "surfel_coverage",
+    "surfel_trace",
+    "surfel_shade",
+    "surfel_claim",
+    "surfel_reject",
+    "surfel_spawn",
+    "surfel_mark",
+    "surfel_compact",
+    "surfel_grid_count",
+    "surfel_grid_scatter",
+    "surfel_grid_sort",
+    "surfel_relight",
+    "surfel_request",
+    "surfel_rays",
+    "surfel_integrate",
+    "surfel_share",
+    "surfel_recycle",
+];
+
+/// Rays of an update at least: a tiny picture still has a whole scene behind it.
+const FEWEST_RAYS: u32 = 4096;
+const MOST_RAYS: u32 = 1 << 22;
+
+/// Where a frame stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Start,
+    /// The cache is being updated.
+    Update,
+    /// Pixels from here on are still to be shaded.
+    Shade(u32),
+}
+
+struct SurfelPicture {
+    options: TechniqueOptions,
+    kernels: KernelSet,
+    cache: Arc<Mutex<SurfelCache>>,
+    camera: u64,
+    /// Update that this picture has seen.
+    seen_update: u32,
+    phase: Phase,
+    samples: u32,
+    /// What camera rays meet, 16 bytes a pixel.
+    visible: Buffer,
+    accumulation: Buffer,
+    direct: Buffer,
+    indirect: Buffer,
+    irradiance: Option<Buffer>,
+    counters: Buffer,
+}
+
+impl SurfelPicture {
+    fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        session: &SessionState,
+        options: TechniqueOptions,
+    ) -> Result<Self, GpuError> {
+        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
+        let general = general_features(options.materials, options.is_split);
+        let kernels = KernelSet::new(gpu, KERNELS, features, general, options.waits_for_kernels)?;
+        let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
+        let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
+        let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, options.seed)?;
+        let camera = cache.lock().add_camera();
+        Ok(Self {
+            kernels,
+            cache,
+            camera,
+            seen_update: 0,
+            phase: Phase::Start,
+            samples: 0,
+            visible: view_buffer("visible")?,
+            accumulation: view_buffer("accumulation")?,
+            direct: view_buffer("direct_mean")?,
+            indirect: view_buffer("indirect_mean")?,
+            irradiance: if options.is_split { Some(view_buffer("split_irradiance")?) } else { None },
+            counters: counters::buffer(gpu)?,
+            options,
+        })
+    }
+
+    fn pixel_count(&self) -> u32 {
+        self.options.size[0] * self.options.size[1]
+    }
+
+    fn ray_budget(&self) -> u32 {
+        let [width, height] = self.options.full_size;
+        let rays = width as f32 * height as f32 * self.options.surfel.rays_per_pixel;
+        (rays as u32).clamp(FEWEST_RAYS, MOST_RAYS)
+    }
+
+    /// Camera rays, then surfels for what they meet, then the start of an update if one is due.
+    fn start(
+        &mut self,
+        work: &Work<'_>,
+        cache: &mut SurfelCache,
+        view: &FrameView,
+        frame: &FrameUniforms,
+        step: &mut Step,
+    ) -> Result<(), TechniqueError> {
+        cache.set_camera(self.camera, cache_camera(view, work.scene.origin, self.options.full_size), view.exposure);
+        let mut graph = work.gpu.graph("surfel_visibility");
+        work.lights
+            .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
+            .uniform("frame", bytemuck::bytes_of(frame))
+            .read_write("visible", &self.visible)
+            .dispatch(workgroups_of(self.pixel_count()))?;
+        add_passes(step, graph.submit()?.wait()?.passes);
+        let asking =
+            Asking { frame: bytemuck::bytes_of(frame), visible: &self.visible, size: self.options.size };
+        cache.spawn(work, &asking, step)?;
+        // A picture that has not seen the newest update uses that one; else it drives the next.
+        if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
+            cache.begin_update(work, self.ray_budget(), step)?;
+        }
+        self.phase = Phase::Update;
+        Ok(())
+    }
+
+    fn shade(
+        &mut self,
+        work: &Work<'_>,
+        cache: &SurfelCache,
+        frame: &FrameUniforms,
+        first: u32,
+        limit: u64,
+        step: &mut Step,
+    ) -> Result<u32, TechniqueError> {
+        let range = u32::try_from(limit).unwrap_or(u32::MAX).max(64).min(self.pixel_count() - first);
+        let mut frame = *frame;
+        (frame.first_pixel, frame.pixel_count) = (first, range);
+        let uniforms = cache.uniforms(0);
+        let mut graph = work.gpu.graph("surfel_shade");
+        graph.clear(&self.counters)?;
+        let mut pass = cache
+            .bind(work.lights.bind(work.scene.bind(graph.pass(self.kernels.get("surfel_shade")?))))
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .uniform("frame", bytemuck::bytes_of(&frame))
+            .read("visible", &self.visible)
+            .read_write("accumulation", &self.accumulation)
+            .read_write("direct_mean", &self.direct)
+            .read_write("indirect_mean", &self.indirect)
+            .read_write("counters", &self.counters);
+        if let Some(irradiance) = &self.irradiance {
+            pass = pass.read_write("split_irradiance", irradiance);
+        }
+        pass.dispatch(workgroups_of(range))?;
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
+        let mut report = graph.submit()?.wait()?;
+        add_passes(step, std::mem::take(&mut report.passes));
+        count_rays(step, &report.take(ticket)?);
+        Ok(range)
+    }
+}
+
+impl Technique for SurfelPicture {
+    fn step(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        budget: StepBudget,
+    ) -> Result<Step, TechniqueError> {
+        let mut step = Step::default();
+        if self.phase == Phase::Start && self.samples >= budget.until_samples {
+            step.is_whole = true;
+            return Ok(step);
+        }
+        if self.phase == Phase::Start {
+            self.kernels.refresh(gpu);
+        }
+        let shared = Arc::clone(&self.cache);
+        let mut cache = shared.lock();
+        let mut frame = view.uniforms(scene, lights, self.kernels.running(), self.options.seed);
+        frame.first_sample = self.samples;
+        frame.sample_count = 1;
+        // The kernels are taken out for the length of the step, so that they and the rest can be borrowed apart.
+        let kernels = self.kernels.clone();
+        let work = Work { gpu, kernels: &kernels, scene, lights };
+        while step.paths < budget.max_paths {
+            let left = budget.max_paths - step.paths;
+            let frame_bytes = bytemuck::bytes_of(&frame);
+            match self.phase {
+                Phase::Start if cache.stage != UpdateStage::Idle => {
+                    let limit = u32::try_from(left).unwrap_or(u32::MAX);
+                    step.paths += u64::from(cache.advance(&work, frame_bytes, limit, &mut step)?);
+                }
+                Phase::Start => {
+                    self.start(&work, &mut cache, view, &frame, &mut step)?;
+                    step.paths += u64::from(self.pixel_count());
+                }
+                Phase::Update if cache.stage != UpdateStage::Idle => {
+                    let limit = u32::try_from(left).unwrap_or(u32::MAX);
+                    step.paths += u64::from(cache.advance(&work, frame_bytes, limit, &mut step)?);
+                }
+                Phase::Update => {
+                    self.seen_update = cache.update;
+                    self.phase = Phase::Shade(0);
+                }
+                Phase::Shade(first) => {
+                    let done = self.shade(&work, &cache, &frame, first, left, &mut step)?;
+                    step.paths += u64::from(done);
+                    if first + done == self.pixel_count() {
+                        self.phase = Phase::Start;
+                        self.samples += 1;
+                        step.is_whole = true;
+                        return Ok(step);
+                    }
+                    self.phase = Phase::Shade(first + done);
+                }
+            }
+        }
+        Ok(step)
+    }
+
+    fn invalidate(&mut self, change: Change) {
+        match change {
+            // The cache belongs to the session, which tells it of new lights once.
+            Change::Camera | Change::Lights => {
+                self.samples = 0;
+                self.phase = Phase::Start;
+            }
+        }
+    }
+
+    fn picture(&self) -> &Buffer {
+        &self.accumulation
+    }
+
+    fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    fn split(&self) -> Option<(&Buffer, &Buffer)> {
+        self.irradiance.as_ref().map(|irradiance| (&self.direct, irradiance))
+    }
+
+    fn features(&self) -> Features {
+        self.kernels.features()
+    }
+
+    fn surfels(&self) -> Option<[u32; 2]> {
+        Some(self.cache.lock().counts())
+    }
+}
+
+impl Drop for SurfelPicture {
+    fn drop(&mut self) {
+        self.cache.lock().remove_camera(self.camera);
+    }
+}

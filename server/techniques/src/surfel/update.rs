@@ -1,0 +1,346 @@
+//! The passes that keep a cache: spawning where a picture is uncovered, filing surfels in the grid, rays, means.
+//!
+//! Everything is allocated by prefix sums in the order of ids and every sum runs in a fixed order, so a cache is a function
+//! of its settings, its seed and what was asked of it.
+
+use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime};
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::{SURFEL_HIT_CANDIDATES, SurfelUniforms};
+
+use crate::passes::counters;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::passes::workgroups_of;
+use crate::path::merge_passes;
+use crate::surfel::cache::{SurfelCache, UpdateStage};
+use crate::surfel::kernels::KernelSet;
+use crate::technique::{Step, TechniqueError};
+
+/// Pixels of a tile's side.
+pub(crate) const TILE_SIDE: u32 = 8;
+/// Rounds of spawning in one frame at most: a first picture is filled before it is lit, a moving one gets what it can.
+const BURST_ROUNDS: u32 = 24;
+const ROUNDS: u32 = 3;
+/// Share of the tiles that has to gain a surfel for another round to be worth it.
+const ROUND_GAIN: f32 = 0.01;
+
+/// What a pass over the cache works with.
+pub(crate) struct Work<'a> {
+    pub(crate) gpu: &'a Gpu,
+    pub(crate) kernels: &'a KernelSet,
+    pub(crate) scene: &'a SceneBuffers,
+    pub(crate) lights: &'a LightBuffers,
+}
+
+/// A picture that asks for surfels.
+pub(crate) struct Asking<'a> {
+    /// Uniforms of the frame.
+    pub(crate) frame: &'a [u8],
+    /// Visibility buffer.
+    pub(crate) visible: &'a Buffer,
+    pub(crate) size: [u32; 2],
+}
+
+impl SurfelCache {
+    /// Binds what gathers read, as far as the kernel does.
+    pub(crate) fn bind<'g>(&self, pass: PassBuilder<'g>) -> PassBuilder<'g> {
+        pass.read_if_bound("surfels", &self.records)
+            .read_if_bound("surfel_outputs", &self.outputs)
+            .read_if_bound("surfel_grid", &self.grid)
+            .read_if_bound("surfel_tiles", &self.tiles)
+    }
+
+    /// Covers what a picture sees with surfels.
+    pub(crate) fn spawn(&mut self, work: &Work<'_>, asking: &Asking<'_>, step: &mut Step) -> Result<(), TechniqueError> {
+        let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
+        self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
+        let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
+        for round in 0..rounds {
+            let accepted = self.spawn_round(work, asking, tiles, round, step)?;
+            if accepted == 0 {
+                // The grid stands as it was; what there is to free waits for the next update.
+                break;
+            }
+            self.is_settled = false;
+            let gained = accepted as f32 / (tiles[0] * tiles[1]) as f32;
+            if gained < ROUND_GAIN || self.live >= self.capacity {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// One new surfel for each tile at most. Returns how many were accepted.
+    fn spawn_round(
+        &mut self,
+        work: &Work<'_>,
+        asking: &Asking<'_>,
+        tiles: [u32; 2],
+        round: u32,
+        step: &mut Step,
+    ) -> Result<u32, TechniqueError> {
+        let Work { gpu, kernels, scene, lights } = *work;
+        let count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
+        let mut uniforms = self.uniforms(0);
+        (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
+        uniforms.item_count = count;
+        uniforms.first_item = round;
+        let bytes = bytemuck::bytes_of(&uniforms);
+        let mut graph = gpu.graph("surfel_spawn");
+        self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_coverage")?))))
+            .uniform("cache", bytes)
+            .uniform("frame", asking.frame)
+            .read("visible", asking.visible)
+            .read_write("candidates", &self.candidates)
+            .read_write("slot_seen", &self.slot_seen)
+            .dispatch([tiles[0], tiles[1], 1])?;
+        graph.clear(&self.claims)?;
+        graph
+            .pass(kernels.get("surfel_claim")?)
+            .uniform("cache", bytes)
+            .read("candidates", &self.candidates)
+            .read_write("claims", &self.claims)
+            .dispatch(workgroups_of(SURFEL_HIT_CANDIDATES))?;
+        graph
+            .pass(kernels.get("surfel_reject")?)
+            .uniform("cache", bytes)
+            .read("candidates", &self.candidates)
+            .read("claims", &self.claims)
+            .read_write("scan_values", &self.values)
+            .dispatch(workgroups_of(count))?;
+        self.scan.record(&mut graph, &self.values, count + 1)?;
+        let accepted = graph.read_back(&self.values, u64::from(count) * 4..u64::from(count) * 4 + 4)?;
+        graph
+            .pass(kernels.get("surfel_spawn")?)
+            .uniform("cache", bytes)
+            .read("candidates", &self.candidates)
+            .read("scan_values", &self.values)
+            .read("surfel_lists", &self.lists)
+            .read_write("surfel_records", &self.records)
+            .read_write("surfel_lights", &self.lights)
+            .read_write("outputs", &self.outputs)
+            .read_write("tiles", &self.tiles)
+            .read_write("surfel_flags", &self.flags)
+            .dispatch(workgroups_of(count))?;
+        // Candidates are used once.
+        graph.clear(&self.candidates)?;
+        let mut report = graph.submit()?.wait()?;
+        merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+        let accepted = u32_of(&report.take(accepted)?);
+        if accepted > 0 {
+            self.next_serial = self.next_serial.wrapping_add(accepted);
+            let spawned = accepted.min(self.capacity - self.live);
+            self.rebuild(work, self.live + spawned, step)?;
+        }
+        Ok(accepted)
+    }
+
+    /// Lists the living and files them in the grid. `live` is how many there are now.
+    fn rebuild(&mut self, work: &Work<'_>, live: u32, step: &mut Step) -> Result<(), TechniqueError> {
+        let Work { gpu, kernels, .. } = *work;
+        self.live = live;
+        let uniforms = self.uniforms(0);
+        let bytes = bytemuck::bytes_of(&uniforms);
+        let mut graph = gpu.graph("surfel_grid");
+        self.record_lists(&mut graph, kernels, bytes)?;
+        graph.clear(&self.grid)?;
+        graph.clear(&self.slot_cursors)?;
+        graph
+            .pass(kernels.get("surfel_grid_count")?)
+            .uniform("cache", bytes)
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read_write("slot_counts", &self.grid)
+            .dispatch(workgroups_of(live))?;
+        self.scan.record(&mut graph, &self.grid, self.slot_count + 1)?;
+        graph
+            .pass(kernels.get("surfel_grid_scatter")?)
+            .uniform("cache", bytes)
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read_write("grid", &self.grid)
+            .read_write("slot_cursors", &self.slot_cursors)
+            .dispatch(workgroups_of(live))?;
+        graph
+            .pass(kernels.get("surfel_grid_sort")?)
+            .uniform("cache", bytes)
+            .read_write("grid", &self.grid)
+            .dispatch(workgroups_of(self.slot_count))?;
+        let report = graph.submit()?.wait()?;
+        merge_passes(&mut step.passes, report.passes);
+        Ok(())
+    }
+
+    fn record_lists(&self, graph: &mut Graph, kernels: &KernelSet, cache: &[u8]) -> Result<(), TechniqueError> {
+        graph
+            .pass(kernels.get("surfel_mark")?)
+            .uniform("cache", cache)
+            .read("surfel_flags", &self.flags)
+            .read_write("scan_values", &self.values)
+            .dispatch(workgroups_of(self.capacity))?;
+        self.scan.record(graph, &self.values, self.capacity + 1)?;
+        graph
+            .pass(kernels.get("surfel_compact")?)
+            .uniform("cache", cache)
+            .read("surfel_flags", &self.flags)
+            .read("scan_values", &self.values)
+            .read_write("surfel_lists", &self.lists)
+            .dispatch(workgroups_of(self.capacity))?;
+        Ok(())
+    }
+
+    /// Starts an update: deals the rays out. With nothing to trace the cache is settled.
+    pub(crate) fn begin_update(&mut self, work: &Work<'_>, ray_budget: u32, step: &mut Step) -> Result<(), TechniqueError> {
+        let Work { gpu, kernels, .. } = *work;
+        self.reserve(gpu, ray_budget, 0)?;
+        if self.live == 0 {
+            self.is_settled = true;
+            return Ok(());
+        }
+        let uniforms = self.uniforms(ray_budget);
+        let bytes = bytemuck::bytes_of(&uniforms);
+        let mut graph = gpu.graph("surfel_requests");
+        if self.is_relit {
+            graph
+                .pass(kernels.get("surfel_relight")?)
+                .uniform("cache", bytes)
+                .read("surfel_lists", &self.lists)
+                .read_write("surfel_lights", &self.lights)
+                .read_write("outputs", &self.outputs)
+                .dispatch(workgroups_of(self.live))?;
+        }
+        graph
+            .pass(kernels.get("surfel_request")?)
+            .uniform("cache", bytes)
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read("surfel_lights", &self.lights)
+            .read("slot_seen", &self.slot_seen)
+            .read_write("scan_values", &self.values)
+            .dispatch(workgroups_of(self.live))?;
+        self.scan.record(&mut graph, &self.values, self.live + 1)?;
+        let total = graph.read_back(&self.values, u64::from(self.live) * 4..u64::from(self.live) * 4 + 4)?;
+        graph
+            .pass(kernels.get("surfel_rays")?)
+            .uniform("cache", bytes)
+            .read("surfel_lists", &self.lists)
+            .read("scan_values", &self.values)
+            .read_write("rays", &self.rays)
+            .dispatch(workgroups_of(self.live))?;
+        let mut report = graph.submit()?.wait()?;
+        merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+        self.is_relit = false;
+        self.is_settled = u32_of(&report.take(total)?) == 0;
+        if !self.is_settled {
+            self.stage = UpdateStage::Tracing { next: 0, count: ray_budget };
+        }
+        Ok(())
+    }
+
+    /// Traces up to `limit` rays of the update under way; with the last ones the means are updated. Returns rays traced.
+    pub(crate) fn advance(
+        &mut self,
+        work: &Work<'_>,
+        frame: &[u8],
+        limit: u32,
+        step: &mut Step,
+    ) -> Result<u32, TechniqueError> {
+        let Work { gpu, kernels, scene, lights } = *work;
+        let UpdateStage::Tracing { next, count } = self.stage else { return Ok(0) };
+        let range = (count - next).min(limit.max(64)).min(65_535 * 64);
+        let mut uniforms = self.uniforms(count);
+        (uniforms.first_item, uniforms.item_count) = (next, range);
+        let mut graph = gpu.graph("surfel_trace");
+        graph.clear(&self.counters)?;
+        self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_trace")?))))
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .uniform("frame", frame)
+            .read_write("rays", &self.rays)
+            .read_write("candidates", &self.candidates)
+            .read_write("counters", &self.counters)
+            .dispatch([range.div_ceil(64), 1, 1])?;
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
+        let is_last = next + range == count;
+        let mut live = None;
+        if is_last {
+            live = Some(self.record_integration(&mut graph, kernels, &uniforms)?);
+        }
+        let mut report = graph.submit()?.wait()?;
+        merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+        count_rays(step, &report.take(ticket)?);
+        self.stage = UpdateStage::Tracing { next: next + range, count };
+        if let Some(live) = live {
+            let bytes = report.take(live)?;
+            let freed = self.live - u32_of(&bytes).min(self.live);
+            self.stage = UpdateStage::Idle;
+            self.update += 1;
+            self.calm_updates = self.calm_updates.saturating_add(1);
+            if freed > 0 {
+                self.rebuild(work, self.live - freed, step)?;
+            }
+        }
+        Ok(range)
+    }
+
+    fn record_integration(
+        &self,
+        graph: &mut Graph,
+        kernels: &KernelSet,
+        uniforms: &SurfelUniforms,
+    ) -> Result<surfelcast_gpu::Ticket, TechniqueError> {
+        let bytes = bytemuck::bytes_of(uniforms);
+        let groups = workgroups_of(self.live);
+        graph
+            .pass(kernels.get("surfel_integrate")?)
+            .uniform("cache", bytes)
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read("scan_values", &self.values)
+            .read("rays", &self.rays)
+            .read_write("surfel_lights", &self.lights)
+            .read_write("tiles", &self.tiles)
+            .dispatch(groups)?;
+        self.bind(graph.pass(kernels.get("surfel_share")?))
+            .uniform("cache", bytes)
+            .read("surfel_lists", &self.lists)
+            .read("surfel_lights", &self.lights)
+            .read_write("outputs", &self.outputs)
+            .dispatch(groups)?;
+        graph
+            .pass(kernels.get("surfel_recycle")?)
+            .uniform("cache", bytes)
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read("slot_seen", &self.slot_seen)
+            .read_write("surfel_flags", &self.flags)
+            .dispatch(groups)?;
+        // How many are left; the lists follow only if that changed.
+        graph
+            .pass(kernels.get("surfel_mark")?)
+            .uniform("cache", bytes)
+            .read("surfel_flags", &self.flags)
+            .read_write("scan_values", &self.values)
+            .dispatch(workgroups_of(self.capacity))?;
+        self.scan.record(graph, &self.values, self.capacity + 1)?;
+        let end = u64::from(self.capacity) * 4;
+        Ok(graph.read_back(&self.values, end..end + 4)?)
+    }
+}
+
+fn u32_of(bytes: &[u8]) -> u32 {
+    bytes.first_chunk::<4>().map_or(0, |word| u32::from_le_bytes(*word))
+}
+
+/// Adds a dispatch's counters to a step.
+pub(crate) fn count_rays(step: &mut Step, bytes: &[u8]) {
+    let counts = counters::sum(bytes);
+    for (sum, counted) in step.rays.iter_mut().zip(counts.rays) {
+        *sum += counted;
+    }
+    step.non_finite += counts.non_finite;
+}
+
+/// For callers that only collect times.
+pub(crate) fn add_passes(step: &mut Step, passes: Vec<PassTime>) {
+    merge_passes(&mut step.passes, passes);
+}
