@@ -311,10 +311,10 @@ crate::gpu_structs! {
         pub short_variance: f32,
         /// Factor on blending.
         pub blend_ratio: f32,
+        /// Rays ever shot.
+        pub shots: u32,
         /// Unused.
-        pub padding0: f32,
-        /// Unused.
-        pub padding1: f32,
+        pub padding: f32,
     }
 
     /// What a gather reads of a surfel, 32 bytes.
@@ -347,6 +347,22 @@ crate::gpu_structs! {
         pub padding0: u32,
         /// Unused.
         pub padding1: u32,
+    }
+
+    /// What surfels need to know of a visible point, 32 bytes.
+    pub struct VisiblePoint {
+        /// Scene space.
+        pub position: [f32; 3],
+        /// Octahedral normal.
+        pub normal: u32,
+        /// Radius a surfel should have there, or 0.
+        pub radius: f32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+        /// Unused.
+        pub padding2: u32,
     }
 
     /// State of the surfel cache in a frame, 256 bytes.
@@ -399,8 +415,16 @@ crate::gpu_structs! {
         pub columns: u32,
         /// Rows of tiles.
         pub rows: u32,
+        /// Bit for each level that holds surfels.
+        pub levels: u32,
         /// Unused.
-        pub padding: [[u32; 4]; 2],
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+        /// Unused.
+        pub padding2: u32,
+        /// Unused.
+        pub padding3: [u32; 4],
     }
 
     /// Uniforms of the tone map, 16 bytes.

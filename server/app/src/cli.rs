@@ -94,6 +94,9 @@ pub(crate) struct RenderArgs {
     /// Settings of the surfel cache.
     #[arg(long, default_value = "balanced", value_parser = preset_names())]
     pub(crate) preset: String,
+    /// Knob of the surfel cache as NAME=VALUE, such as radius=3; may be given several times. `surfelcast knobs` lists them.
+    #[arg(long = "surfel", value_name = "NAME=VALUE", value_parser = parse_knob)]
+    pub(crate) knobs: Vec<String>,
     /// Samples a pixel.
     #[arg(long, alias = "frames", value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     pub(crate) spp: Option<u32>,
@@ -124,6 +127,11 @@ pub(crate) struct RenderArgs {
 
 fn technique_ids() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
+}
+
+fn parse_knob(text: &str) -> Result<String, String> {
+    let mut settings = SurfelSettings::BALANCED;
+    settings.turn(text).map(|()| text.to_owned())
 }
 
 fn preset_names() -> clap::builder::PossibleValuesParser {

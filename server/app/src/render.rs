@@ -130,6 +130,11 @@ async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) 
 }
 
 fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure: f32) -> RenderJob {
+    let mut surfel = SurfelSettings::by_name(&args.preset).unwrap_or_default();
+    for knob in &args.knobs {
+        // Checked when the command line was read.
+        let _ = surfel.turn(knob);
+    }
     let has_rule = args.spp.is_some() || args.max_error.is_some() || args.time_limit.is_some();
     RenderJob {
         scene: Arc::clone(scene),
@@ -141,7 +146,7 @@ fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure:
             Materials::Pbr => MaterialMode::Pbr,
             Materials::Lambert => MaterialMode::Lambert,
         },
-        surfel: SurfelSettings::by_name(&args.preset).unwrap_or_default(),
+        surfel,
         seed: args.seed,
         stop: StopRules {
             samples: args.spp.or((!has_rule).then_some(DEFAULT_SAMPLES)),

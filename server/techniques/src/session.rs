@@ -23,6 +23,7 @@ impl SessionState {
         scene: &SceneBuffers,
         materials: MaterialMode,
         settings: SurfelSettings,
+        pixel_count: u32,
         seed: u64,
     ) -> Result<Arc<Mutex<SurfelCache>>, GpuError> {
         let mut held = self.surfels.lock();
@@ -34,7 +35,7 @@ impl SessionState {
         }
         // The old one is freed first, so that the new one may take its place.
         *held = None;
-        let cache = Arc::new(Mutex::new(SurfelCache::new(gpu, scene, settings, seed)?));
+        let cache = Arc::new(Mutex::new(SurfelCache::new(gpu, scene, settings, pixel_count, seed)?));
         *held = Some((materials, Arc::clone(&cache)));
         Ok(cache)
     }

@@ -81,8 +81,10 @@ pub struct SurfelCache {
     /// First entry by slot, then entries.
     pub(crate) grid: Buffer,
     pub(crate) slot_cursors: Buffer,
-    /// Last update that looked into a slot.
+    /// Last update in which a camera looked into a slot.
     pub(crate) slot_seen: Buffer,
+    /// Last update in which a ray was served from a slot.
+    pub(crate) slot_used: Buffer,
     pub(crate) values: Buffer,
     pub(crate) claims: Buffer,
     pub(crate) rays: Buffer,
@@ -91,6 +93,9 @@ pub struct SurfelCache {
     /// Living surfels.
     pub(crate) live: u32,
     pub(crate) next_serial: u32,
+    /// Bit for each grid level that holds surfels.
+    pub(crate) levels: u32,
+    pub(crate) level_bits: Buffer,
     /// Updates so far.
     pub(crate) update: u32,
     /// Updates since the light last changed.
@@ -111,8 +116,14 @@ fn buffer_of<T>(gpu: &Gpu, label: &str, count: u64) -> Result<Buffer, GpuError> 
 
 impl SurfelCache {
     /// An empty cache.
-    pub(crate) fn new(gpu: &Gpu, scene: &SceneBuffers, settings: SurfelSettings, seed: u64) -> Result<Self, GpuError> {
-        let capacity = capacity_for(gpu, settings.capacity);
+    pub(crate) fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        settings: SurfelSettings,
+        pixel_count: u32,
+        seed: u64,
+    ) -> Result<Self, GpuError> {
+        let capacity = capacity_for(gpu, settings.capacity, pixel_count);
         let slot_count = capacity * 2;
         let surfels = u64::from(capacity);
         let candidate_count = SURFEL_HIT_CANDIDATES;
@@ -134,6 +145,7 @@ impl SurfelCache {
             grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words)?,
             slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(slot_count))?,
             slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(slot_count))?,
+            slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(slot_count))?,
             values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
             claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
             rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
@@ -141,6 +153,8 @@ impl SurfelCache {
             counters: counters::buffer(gpu)?,
             live: 0,
             next_serial: 1,
+            levels: 0,
+            level_bits: buffer_of::<u32>(gpu, "level_bits", 4)?,
             update: 1,
             calm_updates: 0,
             is_settled: false,
@@ -159,6 +173,7 @@ impl SurfelCache {
             &cache.flags,
             &cache.grid,
             &cache.slot_seen,
+            &cache.slot_used,
             &cache.rays,
             &cache.candidates,
             &cache.lists,
@@ -275,22 +290,27 @@ impl SurfelCache {
             first_item: 0,
             columns: 0,
             rows: 0,
-            padding: [[0; 4]; 2],
+            levels: self.levels,
+            padding0: 0,
+            padding1: 0,
+            padding2: 0,
+            padding3: [0; 4],
         }
     }
 }
 
-/// The power of two asked for, or one that fits into the cache's share of the memory.
-fn capacity_for(gpu: &Gpu, wanted: u32) -> u32 {
+/// The power of two asked for, or one that fits the picture and the cache's share of the memory.
+fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
     let [least, most] = CAPACITY_RANGE;
     if wanted > 0 {
         return wanted.clamp(least, most).next_power_of_two();
     }
     let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 80;
     let affordable = gpu.memory().budget_bytes / MEMORY_SHARE / bytes_each as u64;
-    let affordable = u32::try_from(affordable).unwrap_or(most).clamp(least, 1 << 18);
     // The largest power of two that is not above it.
-    1 << affordable.ilog2()
+    let affordable = 1 << u32::try_from(affordable).unwrap_or(most).clamp(least, most).ilog2();
+    // Discs cover many pixels each; what lies out of sight takes about as many as what is seen.
+    pixel_count.next_power_of_two().clamp(least, affordable)
 }
 
 /// Size of a pixel at distance 1, and the camera's place in scene space.

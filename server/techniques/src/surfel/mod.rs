@@ -18,10 +18,10 @@ use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::FrameUniforms;
+use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
-pub use settings::{Estimator, SurfelSettings};
+pub use settings::{Estimator, KNOBS, Knob, SurfelSettings};
 
 use crate::passes::features::features_for;
 use crate::passes::frame::FrameView;
@@ -72,6 +72,9 @@ const KERNELS: &[&str] = &[
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
 const FEWEST_RAYS: u32 = 4096;
 const MOST_RAYS: u32 = 1 << 22;
+/// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
+const QUIET_GAIN: f32 = 0.02;
+const QUIET_FRAMES: u32 = 3;
 
 /// Where a frame stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,8 +95,12 @@ struct SurfelPicture {
     seen_update: u32,
     phase: Phase,
     samples: u32,
+    /// Frames until surfels are looked for again, while the picture stands still and is covered.
+    quiet_frames: u32,
     /// What camera rays meet, 16 bytes a pixel.
     visible: Buffer,
+    /// Where they need surfels, 32 bytes a pixel.
+    points: Buffer,
     accumulation: Buffer,
     direct: Buffer,
     indirect: Buffer,
@@ -114,7 +121,8 @@ impl SurfelPicture {
         let kernels = KernelSet::new(gpu, KERNELS, features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
-        let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, options.seed)?;
+        let full_pixels = options.full_size[0].saturating_mul(options.full_size[1]);
+        let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, full_pixels, options.seed)?;
         let camera = cache.lock().add_camera();
         Ok(Self {
             kernels,
@@ -123,7 +131,9 @@ impl SurfelPicture {
             seen_update: 0,
             phase: Phase::Start,
             samples: 0,
+            quiet_frames: 0,
             visible: view_buffer("visible")?,
+            points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
             indirect: view_buffer("indirect_mean")?,
@@ -157,12 +167,23 @@ impl SurfelPicture {
         work.lights
             .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
             .uniform("frame", bytemuck::bytes_of(frame))
+            .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
             .read_write("visible", &self.visible)
+            .read_write("visible_points", &self.points)
             .dispatch(workgroups_of(self.pixel_count()))?;
         add_passes(step, graph.submit()?.wait()?.passes);
-        let asking =
-            Asking { frame: bytemuck::bytes_of(frame), visible: &self.visible, size: self.options.size };
-        cache.spawn(work, &asking, step)?;
+        if self.samples == 0 || self.quiet_frames == 0 {
+            let asking = Asking {
+                frame: bytemuck::bytes_of(frame),
+                visible: &self.visible,
+                points: &self.points,
+                size: self.options.size,
+            };
+            let gain = cache.spawn(work, &asking, step)?;
+            self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };
+        } else {
+            self.quiet_frames -= 1;
+        }
         // A picture that has not seen the newest update uses that one; else it drives the next.
         if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
             cache.begin_update(work, self.ray_budget(), step)?;

@@ -66,8 +66,143 @@ impl SurfelSettings {
     }
 }
 
+/// A knob: its name on the command line, what it takes, and what turning it up buys and costs.
+#[derive(Clone, Copy, Debug)]
+pub struct Knob {
+    /// Name.
+    pub name: &'static str,
+    /// Smallest and largest value; switches take 0 and 1.
+    pub range: [f32; 2],
+    /// What it does.
+    pub help: &'static str,
+    get: fn(&SurfelSettings) -> f32,
+    set: fn(&mut SurfelSettings, f32),
+}
+
+/// Every knob.
+pub const KNOBS: &[Knob] = &[
+    Knob {
+        name: "capacity",
+        range: [0.0, 4_194_304.0],
+        help: "surfels that fit, rounded up to a power of two from 65536; 0 fits the picture. More keep more of the scene; 380 bytes each",
+        get: |settings| settings.capacity as f32,
+        set: |settings, value| settings.capacity = value as u32,
+    },
+    Knob {
+        name: "radius",
+        range: [1.5, 32.0],
+        help: "radius in pixels. Half of it shows finer detail, with four times the surfels and rays for the same noise",
+        get: |settings| settings.radius_pixels,
+        set: |settings, value| settings.radius_pixels = value,
+    },
+    Knob {
+        name: "coverage",
+        range: [0.05, 2.0],
+        help: "overlap at which a point counts as covered. More is smoother, with more surfels to trace and gather",
+        get: |settings| settings.coverage,
+        set: |settings, value| settings.coverage = value,
+    },
+    Knob {
+        name: "rays",
+        range: [0.01, 16.0],
+        help: "rays of an update for each pixel. More settle in fewer frames, each of which takes longer",
+        get: |settings| settings.rays_per_pixel,
+        set: |settings, value| settings.rays_per_pixel = value,
+    },
+    Knob {
+        name: "target",
+        range: [0.0, 0.1],
+        help: "tone-mapped error at which a surfel is done, 0 for never. Less is more exact and keeps tracing longer",
+        get: |settings| settings.target_error,
+        set: |settings, value| settings.target_error = value,
+    },
+    Knob {
+        name: "guiding",
+        range: [0.0, 0.9],
+        help: "share of rays sent where light came from. Helps where it comes from few directions, costs a little where not",
+        get: |settings| settings.guided_share,
+        set: |settings, value| settings.guided_share = value,
+    },
+    Knob {
+        name: "depth",
+        range: [0.0, 1.0],
+        help: "1: surfels do not light what a wall hides from them. Costs a few percent of the frame",
+        get: |settings| f32::from(settings.respects_depth),
+        set: |settings, value| settings.respects_depth = value >= 0.5,
+    },
+    Knob {
+        name: "sharing",
+        range: [0.0, 1.0],
+        help: "1: young surfels borrow from neighbours. Less noise in the first frames, for a pass over the surfels",
+        get: |settings| f32::from(settings.shares),
+        set: |settings, value| settings.shares = value >= 0.5,
+    },
+    Knob {
+        name: "multiscale",
+        range: [0.0, 1.0],
+        help: "1: the multiscale mean estimator instead of the exact mean, to compare",
+        get: |settings| f32::from(settings.estimator == Estimator::Multiscale),
+        set: |settings, value| {
+            settings.estimator = if value >= 0.5 { Estimator::Multiscale } else { Estimator::RunningMean };
+        },
+    },
+    Knob {
+        name: "feedback",
+        range: [0.0, 1.0],
+        help: "1: rays end in the cache where it can be trusted. 0 traces every path to its end: slower, no error fed back",
+        get: |settings| f32::from(settings.feeds_back),
+        set: |settings, value| settings.feeds_back = value >= 0.5,
+    },
+];
+
+impl SurfelSettings {
+    /// Turns one knob, given as `name=value`. The answer to what is wrong names the knob and its range.
+    pub fn turn(&mut self, assignment: &str) -> Result<(), String> {
+        let names = || KNOBS.iter().map(|knob| knob.name).collect::<Vec<_>>().join(", ");
+        let Some((name, value)) = assignment.split_once('=') else {
+            return Err(format!("{assignment}: expected KNOB=VALUE; knobs are {}", names()));
+        };
+        let Some(knob) = KNOBS.iter().find(|knob| knob.name == name.trim()) else {
+            return Err(format!("{name}: no such knob; there are {}", names()));
+        };
+        let [least, most] = knob.range;
+        let value = value.trim().parse().ok().filter(|value: &f32| (least..=most).contains(value));
+        let Some(value) = value else { return Err(format!("{name}: takes a number from {least} to {most}")) };
+        (knob.set)(self, value);
+        Ok(())
+    }
+
+    /// Value of a knob.
+    pub fn value_of(&self, knob: &Knob) -> f32 {
+        (knob.get)(self)
+    }
+}
+
 impl Default for SurfelSettings {
     fn default() -> Self {
         Self::BALANCED
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_turns_within_its_range_and_refuses_beyond() {
+        for knob in KNOBS {
+            let mut settings = SurfelSettings::BALANCED;
+            let [least, most] = knob.range;
+            for value in [least, most] {
+                settings.turn(&format!("{}={value}", knob.name)).expect(knob.name);
+                assert_eq!(settings.value_of(knob), value, "{}", knob.name);
+            }
+            assert!(settings.turn(&format!("{}={}", knob.name, most * 2.0 + 1.0)).is_err_and(|e| e.contains(knob.name)));
+        }
+        let mut settings = SurfelSettings::BALANCED;
+        for bad in ["radius", "radius=", "radius=nan", "size=3", "=", "rays=-1"] {
+            assert!(settings.turn(bad).is_err(), "{bad}");
+        }
+        assert_eq!(settings, SurfelSettings::BALANCED);
     }
 }

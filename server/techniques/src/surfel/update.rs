@@ -38,6 +38,8 @@ pub(crate) struct Asking<'a> {
     pub(crate) frame: &'a [u8],
     /// Visibility buffer.
     pub(crate) visible: &'a Buffer,
+    /// Points in it that need surfels.
+    pub(crate) points: &'a Buffer,
     pub(crate) size: [u32; 2],
 }
 
@@ -50,24 +52,32 @@ impl SurfelCache {
             .read_if_bound("surfel_tiles", &self.tiles)
     }
 
-    /// Covers what a picture sees with surfels.
-    pub(crate) fn spawn(&mut self, work: &Work<'_>, asking: &Asking<'_>, step: &mut Step) -> Result<(), TechniqueError> {
+    /// Covers what a picture sees with surfels. Returns the share of its tiles that gained one in the first round.
+    pub(crate) fn spawn(
+        &mut self,
+        work: &Work<'_>,
+        asking: &Asking<'_>,
+        step: &mut Step,
+    ) -> Result<f32, TechniqueError> {
         let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
         let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
+        let mut first_gain = 0.0;
         for round in 0..rounds {
             let accepted = self.spawn_round(work, asking, tiles, round, step)?;
             if accepted == 0 {
-                // The grid stands as it was; what there is to free waits for the next update.
                 break;
             }
             self.is_settled = false;
             let gained = accepted as f32 / (tiles[0] * tiles[1]) as f32;
+            if round == 0 {
+                first_gain = gained;
+            }
             if gained < ROUND_GAIN || self.live >= self.capacity {
                 break;
             }
         }
-        Ok(())
+        Ok(first_gain)
     }
 
     /// One new surfel for each tile at most. Returns how many were accepted.
@@ -91,6 +101,7 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .uniform("frame", asking.frame)
             .read("visible", asking.visible)
+            .read("visible_points", asking.points)
             .read_write("candidates", &self.candidates)
             .read_write("slot_seen", &self.slot_seen)
             .dispatch([tiles[0], tiles[1], 1])?;
@@ -145,13 +156,16 @@ impl SurfelCache {
         self.record_lists(&mut graph, kernels, bytes)?;
         graph.clear(&self.grid)?;
         graph.clear(&self.slot_cursors)?;
+        graph.clear(&self.level_bits)?;
         graph
             .pass(kernels.get("surfel_grid_count")?)
             .uniform("cache", bytes)
             .read("surfels", &self.records)
             .read("surfel_lists", &self.lists)
             .read_write("slot_counts", &self.grid)
+            .read_write("level_bits", &self.level_bits)
             .dispatch(workgroups_of(live))?;
+        let levels = graph.read_back(&self.level_bits, 0..4)?;
         self.scan.record(&mut graph, &self.grid, self.slot_count + 1)?;
         graph
             .pass(kernels.get("surfel_grid_scatter")?)
@@ -166,7 +180,8 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .read_write("grid", &self.grid)
             .dispatch(workgroups_of(self.slot_count))?;
-        let report = graph.submit()?.wait()?;
+        let mut report = graph.submit()?.wait()?;
+        self.levels = u32_of(&report.take(levels)?);
         merge_passes(&mut step.passes, report.passes);
         Ok(())
     }
@@ -225,6 +240,7 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .read("surfel_lists", &self.lists)
             .read("scan_values", &self.values)
+            .read("surfel_lights", &self.lights)
             .read_write("rays", &self.rays)
             .dispatch(workgroups_of(self.live))?;
         let mut report = graph.submit()?.wait()?;
@@ -257,8 +273,9 @@ impl SurfelCache {
             .uniform("frame", frame)
             .read_write("rays", &self.rays)
             .read_write("candidates", &self.candidates)
+            .read_write("slot_used", &self.slot_used)
             .read_write("counters", &self.counters)
-            .dispatch([range.div_ceil(64), 1, 1])?;
+            .dispatch([range.div_ceil(64 * rays_per_thread(gpu)), 1, 1])?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let is_last = next + range == count;
         let mut live = None;
@@ -312,6 +329,7 @@ impl SurfelCache {
             .read("surfels", &self.records)
             .read("surfel_lists", &self.lists)
             .read("slot_seen", &self.slot_seen)
+            .read("slot_used", &self.slot_used)
             .read_write("surfel_flags", &self.flags)
             .dispatch(groups)?;
         // How many are left; the lists follow only if that changed.
@@ -325,6 +343,11 @@ impl SurfelCache {
         let end = u64::from(self.capacity) * 4;
         Ok(graph.read_back(&self.values, end..end + 4)?)
     }
+}
+
+/// A thread that takes the next ray when one has ended keeps its neighbours company; a GPU has to have enough threads first.
+fn rays_per_thread(gpu: &Gpu) -> u32 {
+    if gpu.is_cpu() { 16 } else { 1 }
 }
 
 fn u32_of(bytes: &[u8]) -> u32 {
