@@ -49,6 +49,14 @@ shader_constants! {
     COUNTER_SLOTS: u32 = 256;
     /// Counters of a slot: primary, secondary and shadow rays, and samples that were not finite.
     COUNTERS_PER_SLOT: u32 = 4;
+    /// Rays after which a surfel counts fully in a gather.
+    SURFEL_FULL_TRUST: f32 = 16.0;
+    /// Words of a surfel's directional tables: 8x8 guiding bytes, then 4x4 depth moments.
+    SURFEL_TILE_WORDS: u32 = 32;
+    /// Candidates that ray hits may put up in one update of the surfel cache.
+    SURFEL_HIT_CANDIDATES: u32 = 4096;
+    /// Slots in which those compete.
+    SURFEL_CLAIM_SLOTS: u32 = 16384;
 }
 
 #[cfg(test)]

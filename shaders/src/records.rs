@@ -365,6 +365,30 @@ crate::gpu_structs! {
         pub padding2: u32,
     }
 
+    /// One surfel's part in a point's light, 64 bytes.
+    pub struct SurfelContribution {
+        /// Scene space.
+        pub position: [f32; 3],
+        /// Metres; of the point: coverage.
+        pub radius: f32,
+        /// B of sky and emission.
+        pub direct: [f32; 3],
+        /// Weight; of the point: trust.
+        pub weight: f32,
+        /// B of light that has bounced.
+        pub indirect: [f32; 3],
+        /// Chance to see the point.
+        pub visibility: f32,
+        /// Octahedral normal.
+        pub normal: u32,
+        /// Surfel; of the point: how many parts follow.
+        pub id: u32,
+        /// Rays.
+        pub ray_count: f32,
+        /// Variance of the mean.
+        pub variance: f32,
+    }
+
     /// State of the surfel cache in a frame, 256 bytes.
     pub struct SurfelUniforms {
         /// Positions and pixel sizes at distance 1.
@@ -478,10 +502,3 @@ pub mod surfel_switches {
     /// Ray hits are served from the cache.
     pub const FEEDBACK: u32 = 16;
 }
-
-/// Words of a surfel's directional tables.
-pub const SURFEL_TILE_WORDS: u32 = 32;
-/// Candidates that ray hits may put up in one update.
-pub const SURFEL_HIT_CANDIDATES: u32 = 4096;
-/// Slots in which they compete.
-pub const SURFEL_CLAIM_SLOTS: u32 = 16_384;

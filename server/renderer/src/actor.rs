@@ -11,12 +11,13 @@ use std::time::{Duration, Instant};
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::path::general_features;
-use surfelcast_techniques::{Change, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
+use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
 use tokio::sync::{mpsc, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, Reply, SessionKey, ViewKey};
 use crate::config::RendererConfig;
 use crate::handle::{RendererError, RendererHandle};
+use crate::inspection::{self, Inspection};
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::running_job::{JobState, RunningJob, kernels_of};
 use crate::running_view::RunningView;
@@ -224,6 +225,10 @@ impl Actor {
                 };
                 let _ = reply.send(result);
             }
+            Command::Inspect { session, camera, size, point, reply } => {
+                let result = self.inspect(session, camera, size, point);
+                let _ = reply.send(result);
+            }
             Command::Render { job, progress, cancel, reply } => self.enqueue(job, progress, cancel, reply),
             Command::Wake => {}
             Command::LoseDevice => {
@@ -245,6 +250,23 @@ impl Actor {
         let lights = LightState::of_scene(&scene);
         self.sessions.insert(session, Session { scene, lights, scene_rev: 0, on_device: None, shared: SessionState::default() });
         Ok(())
+    }
+
+    /// What the session's surfel cache knows of a point.
+    fn inspect(
+        &mut self,
+        key: SessionKey,
+        camera: Camera,
+        size: [u32; 2],
+        point: [f32; 2],
+    ) -> Result<Option<Inspection>, RendererError> {
+        let Some(gpu) = self.gpu.clone() else { return Err(RendererError::DeviceLost) };
+        let Some(session) = self.sessions.get_mut(&key) else { return Err(RendererError::Unknown("the session")) };
+        on_device(&gpu, &mut self.store, session)?;
+        let (Some((scene, lights)), Some(cache)) = (&session.on_device, session.shared.surfels()) else {
+            return Ok(None);
+        };
+        inspection::inspect(&gpu, scene, lights, &cache.lock(), FrameView { camera, size, exposure: 1.0 }, point)
     }
 
     fn enqueue(

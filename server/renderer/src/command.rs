@@ -7,6 +7,7 @@ use surfelcast_scene::{Camera, Scene};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::handle::RendererError;
+use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::lights::SessionLights;
 use crate::slot::FrameSlot;
@@ -98,6 +99,19 @@ pub enum Command {
         point: [f32; 2],
         /// Answer.
         reply: Reply<Option<Picked>>,
+    },
+    /// Find the surfels that light the surface under a point of a picture.
+    Inspect {
+        /// Session.
+        session: SessionKey,
+        /// Camera of the picture.
+        camera: Camera,
+        /// Size of the picture, pixels.
+        size: [u32; 2],
+        /// Position in the picture, 0 to 1 from the top left.
+        point: [f32; 2],
+        /// Answer; nothing where no surface is hit or the session keeps no surfels.
+        reply: Reply<Option<Inspection>>,
     },
     /// Render one picture in the background.
     Render {

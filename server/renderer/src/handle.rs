@@ -9,6 +9,7 @@ use surfelcast_techniques::TechniqueError;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, SessionKey, ViewKey};
+use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::lights::SessionLights;
 use crate::slot::FrameSlot;
@@ -149,6 +150,17 @@ impl RendererHandle {
         point: [f32; 2],
     ) -> Result<Option<Picked>, RendererError> {
         self.ask(|reply| Command::Pick { session, camera, aspect, point, reply }).await
+    }
+
+    /// Finds the surfels that light the surface under a point of a picture.
+    pub async fn inspect(
+        &self,
+        session: SessionKey,
+        camera: Camera,
+        size: [u32; 2],
+        point: [f32; 2],
+    ) -> Result<Option<Inspection>, RendererError> {
+        self.ask(|reply| Command::Inspect { session, camera, size, point, reply }).await
     }
 
     /// Starts a job; fails at once with [`RendererError::Busy`] when the command queue is full.

@@ -18,7 +18,7 @@ pub struct StopRules {
     pub time_limit: Option<Duration>,
 }
 
-pub use surfelcast_techniques::{MaterialMode, SurfelSettings};
+pub use surfelcast_techniques::{KNOBS, Knob, MaterialMode, SurfelSettings};
 
 /// Extra output instead of radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -43,11 +43,17 @@ pub enum Aov {
     SampleCount,
     /// Variance of the pixel's mean radiance (luminance).
     Variance,
+    /// Light that arrives over mirrors, gloss and glass: everything but the diffuse lobe.
+    Reflection,
+    /// What the surfel cache knows of the point at a pixel's centre.
+    Surfel(SurfelOutput),
 }
+
+pub use surfelcast_techniques::SurfelOutput;
 
 impl Aov {
     /// All, with the names used on the command line and over HTTP.
-    pub const ALL: [(&'static str, Self); 10] = [
+    pub const ALL: [(&'static str, Self); 24] = [
         ("albedo", Self::Albedo),
         ("normal", Self::Normal),
         ("depth", Self::Depth),
@@ -58,7 +64,34 @@ impl Aov {
         ("irradiance", Self::Irradiance),
         ("sample_count", Self::SampleCount),
         ("variance", Self::Variance),
+        ("reflection", Self::Reflection),
+        ("surfel_id", Self::Surfel(SurfelOutput::Id)),
+        ("surfel_radius", Self::Surfel(SurfelOutput::Radius)),
+        ("surfel_coverage", Self::Surfel(SurfelOutput::Coverage)),
+        ("surfel_weight", Self::Surfel(SurfelOutput::Weight)),
+        ("surfel_b", Self::Surfel(SurfelOutput::Irradiance)),
+        ("surfel_error", Self::Surfel(SurfelOutput::Error)),
+        ("surfel_rays", Self::Surfel(SurfelOutput::Rays)),
+        ("surfel_age", Self::Surfel(SurfelOutput::Age)),
+        ("surfel_guide", Self::Surfel(SurfelOutput::Guide)),
+        ("surfel_depth", Self::Surfel(SurfelOutput::Depth)),
+        ("surfel_cells", Self::Surfel(SurfelOutput::Cells)),
+        ("surfel_leaks", Self::Surfel(SurfelOutput::Leaks)),
+        ("surfel_level", Self::Surfel(SurfelOutput::Level)),
     ];
+
+    /// Whether a view can show it, not only a batch render: it is made from the camera and the session's cache alone.
+    pub fn is_live(self) -> bool {
+        matches!(
+            self,
+            Self::Albedo | Self::Normal | Self::Depth | Self::Position | Self::InstanceId | Self::Surfel(_)
+        )
+    }
+
+    /// Its name on the command line and over HTTP.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, aov)| *aov == self).map_or("", |(name, _)| name)
+    }
 
     /// The one of that name.
     pub fn by_name(name: &str) -> Option<Self> {

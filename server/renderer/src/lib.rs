@@ -7,6 +7,7 @@ mod actor;
 pub mod command;
 pub mod config;
 pub mod handle;
+pub mod inspection;
 pub mod job;
 pub mod lights;
 mod pace;
@@ -23,8 +24,9 @@ pub use actor::start;
 pub use command::{Command, CommandReceiver, SessionKey, ViewKey};
 pub use config::RendererConfig;
 pub use handle::{RendererError, RendererHandle};
+pub use inspection::{Contribution, Inspection};
 pub use job::{
-    Aov, ErrorEstimate, JobProgress, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules,
+    Aov, ErrorEstimate, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput,
     SurfelSettings,
 };
 pub use lights::SessionLights;

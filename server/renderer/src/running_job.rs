@@ -74,7 +74,7 @@ pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
 
 /// Whether an output needs direct and indirect light apart.
 fn is_split(aov: Option<Aov>) -> bool {
-    matches!(aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance))
+    matches!(aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance | Aov::Reflection))
 }
 
 impl RunningJob {
@@ -233,6 +233,17 @@ impl RunningJob {
                 let direct = read_vec4(gpu, direct)?;
                 picture.iter().zip(&direct).map(|(all, direct)| [0, 1, 2].map(|i| all[i] - direct[i])).collect()
             }
+            (Some(Aov::Reflection), _) => match self.technique.reflection() {
+                Some(reflection) => read_vec4(gpu, reflection)?.iter().map(rgb).collect(),
+                None => return Err(self.lacks("reflections kept apart")),
+            },
+            (Some(Aov::Surfel(output)), _) => {
+                let Some(cache) = self.technique.surfel_cache() else { return Err(self.lacks("surfels")) };
+                let features = self.technique.features();
+                let found = cache.lock().look(gpu, &self.scene, &self.lights, &self.view, features, output, false)?;
+                merge_passes(&mut self.passes, found.1);
+                read_vec4(gpu, &found.0)?.iter().map(rgb).collect()
+            }
             (Some(Aov::SampleCount), _) => vec![[samples as f32; 3]; picture.len()],
             (Some(Aov::Variance), _) => {
                 // Variance of the mean: squared deviations over n (n - 1).
@@ -243,6 +254,10 @@ impl RunningJob {
             _ => picture.iter().map(rgb).collect(),
         };
         Ok(self.output(gpu, pixels, samples, stopped_by))
+    }
+
+    fn lacks(&self, what: &str) -> RendererError {
+        RendererError::Unsupported(format!("aov: technique {} has no {what}", self.job.technique))
     }
 
     fn finish_surface(&mut self, gpu: &Gpu, output: FirstSurfaceOutput) -> Result<RenderOutput, RendererError> {
@@ -279,14 +294,20 @@ impl RunningJob {
 }
 
 /// The first-surface output behind an AOV, where there is one.
-fn surface_output(aov: Option<Aov>) -> Option<FirstSurfaceOutput> {
+pub(crate) fn surface_output(aov: Option<Aov>) -> Option<FirstSurfaceOutput> {
     match aov? {
         Aov::Albedo => Some(FirstSurfaceOutput::Albedo),
         Aov::Normal => Some(FirstSurfaceOutput::Normal),
         Aov::Depth => Some(FirstSurfaceOutput::Depth),
         Aov::Position => Some(FirstSurfaceOutput::Position),
         Aov::InstanceId => Some(FirstSurfaceOutput::Instance),
-        Aov::Direct | Aov::Indirect | Aov::Irradiance | Aov::SampleCount | Aov::Variance => None,
+        Aov::Direct
+        | Aov::Indirect
+        | Aov::Irradiance
+        | Aov::SampleCount
+        | Aov::Variance
+        | Aov::Reflection
+        | Aov::Surfel(_) => None,
     }
 }
 

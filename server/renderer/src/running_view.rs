@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use surfelcast_gpu::Gpu;
 use surfelcast_shaders::Feature;
+use surfelcast_techniques::passes::first_surface;
 use surfelcast_techniques::passes::tone_map::tone_map;
 use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{Change, StepBudget, Technique, TechniqueOptions};
@@ -13,9 +14,9 @@ use surfelcast_techniques::{Audit, FrameView, LightBuffers, MaterialMode, SceneB
 
 use crate::command::SessionKey;
 use crate::handle::RendererError;
-use crate::job::{ErrorEstimate, SkippedPass};
+use crate::job::{Aov, ErrorEstimate, SkippedPass, SurfelOutput};
 use crate::pace::Pace;
-use crate::running_job::{pass_times, skipped_passes};
+use crate::running_job::{pass_times, skipped_passes, surface_output};
 use crate::slot::FrameSlot;
 use crate::view::{Frame, FrameKind, ViewState};
 
@@ -125,9 +126,14 @@ impl RunningView {
         if state.size != self.state.size {
             self.size_limit = 1.0;
         }
-        if is_same_picture && (state.exposure != self.state.exposure || state.input_seq != self.state.input_seq) {
+        if is_same_picture
+            && (state.exposure != self.state.exposure
+                || state.input_seq != self.state.input_seq
+                || state.aov != self.state.aov)
+        {
             // The same radiance, shown anew. The input number must reach the client even if nothing else changed.
             self.shown.exposure = state.exposure;
+            self.shown.aov = state.aov;
             self.shown.input_seq = state.input_seq;
             self.is_unsent = true;
         }
@@ -249,7 +255,7 @@ impl RunningView {
             self.begin();
         }
         if self.stage == Stage::Converged {
-            return if self.is_unsent { self.show(gpu, scene_rev) } else { Ok(false) };
+            return if self.is_unsent { self.show(gpu, scene, lights, scene_rev) } else { Ok(false) };
         }
         self.prepare(gpu, scene, lights, session)?;
         if !self.is_whole() {
@@ -378,7 +384,7 @@ impl RunningView {
                     return Ok(false);
                 }
                 self.is_unsent = true;
-                let is_shown = self.show(gpu, scene_rev)?;
+                let is_shown = self.show(gpu, scene, lights, scene_rev)?;
                 self.stage = match self.stage {
                     Stage::Sharpening { scale } if scale < 0.5 => Stage::Sharpening { scale: scale * 2.0 },
                     Stage::Sharpening { .. } => Stage::Refining,
@@ -406,7 +412,7 @@ impl RunningView {
                     || self.sent_samples == 0
                     || self.sent_at.elapsed() >= SHOW_INTERVAL;
                 self.is_unsent |= samples > self.sent_samples && is_due;
-                if self.is_unsent && samples > 0 { self.show(gpu, scene_rev) } else { Ok(false) }
+                if self.is_unsent && samples > 0 { self.show(gpu, scene, lights, scene_rev) } else { Ok(false) }
             }
             Stage::Converged => Ok(false),
         }
@@ -445,14 +451,43 @@ impl RunningView {
     }
 
     /// Tone-maps the picture and hands it over, if the slot wants one.
-    fn show(&mut self, gpu: &Gpu, scene_rev: u32) -> Result<bool, RendererError> {
+    fn show(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        scene_rev: u32,
+    ) -> Result<bool, RendererError> {
         if !self.slot.is_wanted() {
             return Ok(false);
         }
         let Some(work) = &self.work else { return Ok(false) };
         let samples = work.technique.samples();
         let [width, height] = work.size;
-        let (pixels, passes) = tone_map(gpu, work.technique.picture(), width * height, self.shown.exposure)?;
+        let view = FrameView { camera: self.shown.camera, size: work.size, exposure: self.shown.exposure };
+        let features = work.technique.features();
+        let output = match self.shown.aov {
+            Some(Aov::Surfel(output)) => match work.technique.surfel_cache() {
+                Some(cache) => Some(cache.lock().look(gpu, scene, lights, &view, features, output, true)?),
+                None => None,
+            },
+            Some(aov) => match surface_output(Some(aov)) {
+                Some(output) => {
+                    Some(first_surface::first_surface_for_screen(gpu, scene, lights, &view, MaterialMode::Pbr, output)?)
+                }
+                None => None,
+            },
+            None => None,
+        };
+        let (picture, exposure) = match &output {
+            Some((buffer, _)) if !matches!(self.shown.aov, Some(Aov::Surfel(SurfelOutput::Irradiance))) => (buffer, 1.0),
+            Some((buffer, _)) => (buffer, self.shown.exposure),
+            None => (work.technique.picture(), self.shown.exposure),
+        };
+        let (pixels, mut passes) = tone_map(gpu, picture, width * height, exposure)?;
+        if let Some((_, more)) = output {
+            merge_passes(&mut passes, more);
+        }
         merge_passes(&mut self.passes, passes);
         let kind = match self.stage {
             Stage::Moving { .. } | Stage::Sharpening { .. } => FrameKind::Moving,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use surfelcast_scene::Camera;
 
-use crate::job::{ErrorEstimate, PassTime, SkippedPass};
+use crate::job::{Aov, ErrorEstimate, PassTime, SkippedPass};
 
 /// What a view shows. Newest wins: the actor keeps the latest value only.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +18,8 @@ pub struct ViewState {
     pub exposure: f32,
     /// Technique id, one of [`crate::RendererStatus::techniques`].
     pub technique: String,
+    /// Shown instead of radiance: an output of [`crate::Aov`] that views can show, for looking into the renderer.
+    pub aov: Option<Aov>,
     /// A gesture is under way: render fast and coarse.
     pub is_moving: bool,
     /// Nothing is rendered while true.

@@ -42,6 +42,7 @@ fn view_state(scene: &Arc<Scene>) -> ViewState {
         size: [48, 40],
         exposure: 1.0,
         technique: "path".to_owned(),
+        aov: None,
         is_moving: false,
         is_paused: false,
         max_scale: 1.0,

@@ -125,6 +125,7 @@ impl Wishes {
             size: self.size,
             exposure: self.exposure,
             technique: self.technique.clone(),
+            aov: None,
             is_moving,
             is_paused: self.is_paused,
             max_scale: scale,

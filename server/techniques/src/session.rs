@@ -40,6 +40,11 @@ impl SessionState {
         Ok(cache)
     }
 
+    /// The surfel cache, if the session has one by now.
+    pub fn surfels(&self) -> Option<Arc<Mutex<SurfelCache>>> {
+        self.surfels.lock().as_ref().map(|(_, cache)| Arc::clone(cache))
+    }
+
     /// Forgets what no longer holds.
     pub fn invalidate(&self, change: Change) {
         if let (Change::Lights, Some((_, cache))) = (change, &*self.surfels.lock()) {

@@ -1,5 +1,8 @@
 //! What a technique is.
 
+use std::sync::Arc;
+
+use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_scene::SceneSummary;
 use surfelcast_shaders::Features;
@@ -8,7 +11,7 @@ use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::session::SessionState;
-use crate::surfel::SurfelSettings;
+use crate::surfel::{SurfelCache, SurfelSettings};
 
 /// How surfaces scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -128,6 +131,16 @@ pub trait Technique: Send {
 
     /// Direct light (bounced at most once) and B by pixel, where asked for.
     fn split(&self) -> Option<(&Buffer, &Buffer)>;
+
+    /// Light over all lobes but the diffuse one by pixel, where asked for and kept apart.
+    fn reflection(&self) -> Option<&Buffer> {
+        None
+    }
+
+    /// The cache it draws on, to look into.
+    fn surfel_cache(&self) -> Option<Arc<Mutex<SurfelCache>>> {
+        None
+    }
 
     /// Structural switches in use.
     fn features(&self) -> Features;

@@ -1,6 +1,6 @@
 //! What the ray through each pixel's centre meets first.
 
-use surfelcast_gpu::{Gpu, GpuError, MemoryKind, PassTime};
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind, PassTime};
 use surfelcast_shaders::layout::bytemuck;
 
 use crate::passes::features::features_for;
@@ -23,6 +23,47 @@ pub enum FirstSurfaceOutput {
     Position = 3,
     /// Node index + 1.
     Instance = 4,
+}
+
+/// One output as a buffer of colours that survive the tone map: normals and positions as colours, depth from near to far.
+pub fn first_surface_for_screen(
+    gpu: &Gpu,
+    scene: &SceneBuffers,
+    lights: &LightBuffers,
+    view: &FrameView,
+    materials: MaterialMode,
+    output: FirstSurfaceOutput,
+) -> Result<(Buffer, Vec<PassTime>), GpuError> {
+    let (pixels, passes) = first_surface(gpu, scene, lights, view, materials, output)?;
+    let radius = f64::from(scene.radius.max(f32::MIN_POSITIVE));
+    let shown = |[x, y, z]: [f32; 3]| match output {
+        FirstSurfaceOutput::Albedo => [x, y, z],
+        FirstSurfaceOutput::Normal if [x, y, z] == [0.0; 3] => [0.0; 3],
+        FirstSurfaceOutput::Normal => [x, y, z].map(|v| v * 0.5 + 0.5),
+        FirstSurfaceOutput::Depth => [(f64::from(x) / (f64::from(x) + radius)) as f32; 3],
+        FirstSurfaceOutput::Position => {
+            let world = [x, y, z].map(f64::from);
+            let local = [world[0] - scene.origin.x, world[1] - scene.origin.y, world[2] - scene.origin.z];
+            local.map(|v| (v / radius * 0.5 + 0.5) as f32)
+        }
+        // Neighbouring numbers get colours far apart.
+        FirstSurfaceOutput::Instance => {
+            let hash = (x as u32).wrapping_mul(0x9e37_79b1);
+            if x == 0.0 { [0.0; 3] } else { [hash >> 24, (hash >> 16) & 255, (hash >> 8) & 255].map(|v| v as f32 / 255.0) }
+        }
+    };
+    let colors: Vec<[f32; 4]> = pixels
+        .into_iter()
+        .map(|pixel| {
+            let color = shown(pixel).map(|v| v.clamp(0.0, 0.98));
+            // Undoes the tone map that follows.
+            let scale = 1.0 / (1.0 - color[0].max(color[1]).max(color[2]));
+            [color[0] * scale, color[1] * scale, color[2] * scale, 1.0]
+        })
+        .collect();
+    let buffer = gpu.buffer("first_surface_colors", MemoryKind::Staging, (colors.len() * 16) as u64)?;
+    gpu.upload(&buffer, 0, bytemuck::cast_slice(&colors))?;
+    Ok((buffer, passes))
 }
 
 /// Renders one output; 0 where nothing is hit.

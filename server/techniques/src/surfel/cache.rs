@@ -3,9 +3,9 @@
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS};
 use surfelcast_shaders::records::{
-    SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord,
-    SurfelUniforms, surfel_switches,
+    SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
 };
 
 use crate::passes::counters;

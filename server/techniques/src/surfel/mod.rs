@@ -9,6 +9,7 @@
 
 mod cache;
 mod kernels;
+mod look;
 mod settings;
 mod update;
 
@@ -21,6 +22,7 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
+pub use look::SurfelOutput;
 pub use settings::{Estimator, KNOBS, Knob, SurfelSettings};
 
 use crate::passes::features::features_for;
@@ -104,7 +106,8 @@ struct SurfelPicture {
     accumulation: Buffer,
     direct: Buffer,
     indirect: Buffer,
-    irradiance: Option<Buffer>,
+    /// B and reflections, where asked for.
+    split: Option<(Buffer, Buffer)>,
     counters: Buffer,
 }
 
@@ -137,7 +140,11 @@ impl SurfelPicture {
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
             indirect: view_buffer("indirect_mean")?,
-            irradiance: if options.is_split { Some(view_buffer("split_irradiance")?) } else { None },
+            split: if options.is_split {
+                Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
+            } else {
+                None
+            },
             counters: counters::buffer(gpu)?,
             options,
         })
@@ -216,8 +223,8 @@ impl SurfelPicture {
             .read_write("direct_mean", &self.direct)
             .read_write("indirect_mean", &self.indirect)
             .read_write("counters", &self.counters);
-        if let Some(irradiance) = &self.irradiance {
-            pass = pass.read_write("split_irradiance", irradiance);
+        if let Some((irradiance, reflection)) = &self.split {
+            pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);
         }
         pass.dispatch(workgroups_of(range))?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
@@ -308,7 +315,15 @@ impl Technique for SurfelPicture {
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {
-        self.irradiance.as_ref().map(|irradiance| (&self.direct, irradiance))
+        self.split.as_ref().map(|(irradiance, _)| (&self.direct, irradiance))
+    }
+
+    fn reflection(&self) -> Option<&Buffer> {
+        self.split.as_ref().map(|(_, reflection)| reflection)
+    }
+
+    fn surfel_cache(&self) -> Option<Arc<Mutex<SurfelCache>>> {
+        Some(Arc::clone(&self.cache))
     }
 
     fn features(&self) -> Features {

@@ -5,7 +5,8 @@
 
 use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::{SURFEL_HIT_CANDIDATES, SurfelUniforms};
+use surfelcast_shaders::constants::SURFEL_HIT_CANDIDATES;
+use surfelcast_shaders::records::SurfelUniforms;
 
 use crate::passes::counters;
 use crate::passes::lights::LightBuffers;

@@ -1,0 +1,112 @@
+//! Looking into a cache: outputs of what it knows at each pixel, and of one point in detail. Never on a frame's path.
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind, PassTime};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::SurfelContribution;
+
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::passes::workgroups_of;
+use crate::surfel::cache::SurfelCache;
+
+/// Output of a look; numbers are those of the kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum SurfelOutput {
+    /// The surfel with the largest weight, plus one.
+    Id = 0,
+    /// Mean radius, metres.
+    Radius = 1,
+    /// Sum of weights.
+    Coverage = 2,
+    /// Share of the largest weight.
+    Weight = 3,
+    /// B of all light in the cache.
+    Irradiance = 4,
+    /// Standard error of B's luminance.
+    Error = 5,
+    /// Rays behind the value.
+    Rays = 6,
+    /// Updates of the surfel with the largest weight.
+    Age = 7,
+    /// Where its guiding table points, scene space.
+    Guide = 8,
+    /// Mean distance around it, radii.
+    Depth = 9,
+    /// Grid entries that a gather reads.
+    Cells = 10,
+    /// Share of the weights that radial depth holds back.
+    Leaks = 11,
+    /// Grid level of the point.
+    Level = 12,
+}
+
+/// Added to an output's number where a person will look at it.
+const FOR_SCREEN: u32 = 1 << 31;
+/// Surfels listed for one point.
+const MAX_CONTRIBUTIONS: u64 = 64;
+const NOBODY: u32 = u32::MAX;
+
+impl SurfelCache {
+    /// An output of every pixel, `vec4f`; `is_shown` for colours that survive the tone map instead of numbers.
+    #[allow(clippy::too_many_arguments, reason = "scene, lights and view are separate owners")]
+    pub fn look(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        features: Features,
+        output: SurfelOutput,
+        is_shown: bool,
+    ) -> Result<(Buffer, Vec<PassTime>), GpuError> {
+        let kernel = gpu.kernel("surfel_debug", features)?;
+        let pixel_count = view.size[0] * view.size[1];
+        let buffer = gpu.buffer("debug_output", MemoryKind::View, u64::from(pixel_count) * 16)?;
+        let mut frame = view.uniforms(scene, lights, features, 0);
+        frame.selector = output as u32 | if is_shown { FOR_SCREEN } else { 0 };
+        let mut graph = gpu.graph("surfel_debug");
+        self.bind(lights.bind(scene.bind(graph.pass(&kernel))))
+            .uniform("cache", bytemuck::bytes_of(&self.uniforms(0)))
+            .uniform("frame", bytemuck::bytes_of(&frame))
+            .read("surfel_lights", &self.lights)
+            .read_write("debug_output", &buffer)
+            .dispatch(workgroups_of(pixel_count))?;
+        let report = graph.submit()?.wait()?;
+        Ok((buffer, report.passes))
+    }
+
+    /// The point behind a pixel and the surfels that light it; `None` where no surface is hit.
+    pub fn inspect(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        features: Features,
+        pixel: u32,
+    ) -> Result<Option<(SurfelContribution, Vec<SurfelContribution>)>, GpuError> {
+        let kernel = gpu.kernel("surfel_inspect", features)?;
+        let bytes = (MAX_CONTRIBUTIONS + 1) * size_of::<SurfelContribution>() as u64;
+        let buffer = gpu.buffer("contributions", MemoryKind::Staging, bytes)?;
+        let mut frame = view.uniforms(scene, lights, features, 0);
+        frame.first_pixel = pixel;
+        let mut graph = gpu.graph("surfel_inspect");
+        graph.clear(&buffer)?;
+        self.bind(lights.bind(scene.bind(graph.pass(&kernel))))
+            .uniform("cache", bytemuck::bytes_of(&self.uniforms(0)))
+            .uniform("frame", bytemuck::bytes_of(&frame))
+            .read_write("contributions", &buffer)
+            .dispatch([1, 1, 1])?;
+        let ticket = graph.read_back(&buffer, 0..bytes)?;
+        let parts: Vec<SurfelContribution> = bytemuck::pod_collect_to_vec(&graph.submit()?.wait()?.take(ticket)?);
+        let Some((point, parts)) = parts.split_first() else { return Ok(None) };
+        if point.id == NOBODY {
+            return Ok(None);
+        }
+        let count = (point.id as usize).min(parts.len());
+        Ok(Some((*point, parts[..count].to_vec())))
+    }
+}
