@@ -25,7 +25,8 @@ pub struct SurfelSettings {
     pub rays_per_pixel: f32,
     /// Tone-mapped standard error at which a surfel gets no more rays, [0, 0.1]; 0 for never.
     pub target_error: f32,
-    /// Share of rays guided to where light came from, [0, 0.9]. Helps where little light comes from few directions.
+    /// Share of rays guided to where light came from, [0, 0.9]. Helps where little light comes from few directions; without
+    /// it directions come from an even sequence, which helps everywhere.
     pub guided_share: f32,
     /// Gathers respect walls by radial depth. Costs a sixteenth of the gather and removes leaks.
     pub respects_depth: bool,
@@ -41,20 +42,20 @@ impl SurfelSettings {
     /// Quick and soft.
     pub const PREVIEW: Self = Self {
         capacity: 0,
-        radius_pixels: 6.0,
-        coverage: 0.35,
+        radius_pixels: 8.0,
+        coverage: 0.3,
         rays_per_pixel: 0.25,
         target_error: 0.006,
-        guided_share: 0.5,
+        guided_share: 0.0,
         respects_depth: true,
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
     };
     /// The default.
-    pub const BALANCED: Self = Self { radius_pixels: 4.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
+    pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
     /// Slower and exact.
-    pub const HIGH: Self = Self { radius_pixels: 2.5, rays_per_pixel: 1.0, target_error: 0.001, ..Self::PREVIEW };
+    pub const HIGH: Self = Self { radius_pixels: 3.0, rays_per_pixel: 1.0, target_error: 0.001, ..Self::PREVIEW };
 
     /// All presets by name.
     pub const PRESETS: [(&'static str, Self); 3] =
@@ -119,7 +120,7 @@ pub const KNOBS: &[Knob] = &[
     Knob {
         name: "guiding",
         range: [0.0, 0.9],
-        help: "share of rays sent where light came from. Helps where it comes from few directions, costs a little where not",
+        help: "share of rays sent where light came from. Helps where it comes from few directions; gives up the even sequence of directions",
         get: |settings| settings.guided_share,
         set: |settings, value| settings.guided_share = value,
     },
