@@ -89,7 +89,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) environment: Option<PathBuf>,
     /// Technique.
-    #[arg(long, default_value = "path", value_parser = technique_ids())]
+    #[arg(long, default_value = surfelcast_techniques::registry::DEFAULT_OF_JOBS, value_parser = technique_ids())]
     pub(crate) technique: String,
     /// Settings of the surfel cache.
     #[arg(long, default_value = "balanced", value_parser = preset_names())]
@@ -118,6 +118,9 @@ pub(crate) struct RenderArgs {
     /// Write this instead of radiance.
     #[arg(long, value_name = "NAME", value_parser = aov_names())]
     pub(crate) aov: Option<String>,
+    /// Write the surfel cache here as a PLY point cloud: position, normal, radius, B, rays, variance.
+    #[arg(long, value_name = "FILE.ply")]
+    pub(crate) export_surfels: Option<PathBuf>,
     /// Write statistics here as JSON.
     #[arg(long, value_name = "FILE")]
     pub(crate) stats: Option<PathBuf>,

@@ -4,6 +4,7 @@
 mod cli;
 mod doctor;
 mod failure;
+mod ply;
 mod progress;
 mod render;
 mod scene_file;

@@ -13,6 +13,7 @@ use surfelcast_stream::{Codec, Quality, encode, encode_exr, tone_map_to_rgba8};
 
 use crate::cli::{DeviceArgs, Materials, RenderArgs};
 use crate::failure::Failure;
+use crate::ply;
 use crate::progress::Progress;
 use crate::scene_file;
 use crate::stats::{Stats, TimeStats};
@@ -63,6 +64,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let encode_started = Instant::now();
     let bytes = encode_output(&output, format, exposure, args.aov.is_some())?;
     write(&args.output, &bytes)?;
+    if let Some(path) = &args.export_surfels {
+        write(path, &ply::encode(&output.exported_surfels, scene.origin))?;
+    }
     if let Some(path) = &args.stats {
         let time_secs = TimeStats {
             load: scene.load_secs,
@@ -155,6 +159,7 @@ fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure:
         },
         exposure,
         aov: args.aov.as_deref().and_then(Aov::by_name),
+        exports_surfels: args.export_surfels.is_some(),
     }
 }
 

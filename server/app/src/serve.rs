@@ -21,6 +21,7 @@ pub(crate) fn run(args: &ServeArgs) -> Result<(), Failure> {
         .map_err(|error| Failure::runtime(format!("the runtime could not be started: {error}")))?;
     let config = RendererConfig {
         cache_dir: Some(args.data.join("cache")),
+        snapshot_dir: Some(args.data.join("surfels")),
         prepares_general_kernels: true,
         allow_forced_loss: std::env::var_os("SURFELCAST_ALLOW_FORCED_LOSS").is_some_and(|value| value == "1"),
         ..renderer_config(&args.device)

@@ -22,6 +22,7 @@ use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::running_job::{JobState, RunningJob, kernels_of};
 use crate::running_view::RunningView;
 use crate::scenes::SceneStore;
+use crate::snapshots;
 use crate::status::{DeviceInfo, DeviceState, RendererStatus, TechniqueDescription};
 
 /// Losses within [`LOSS_WINDOW`] after which the device is given up.
@@ -134,6 +135,9 @@ impl Actor {
         for view in self.views.values() {
             view.slot.close();
         }
+        for session in self.sessions.values() {
+            self.save_surfels(session);
+        }
         if let Some(gpu) = &self.gpu {
             gpu.stop_preparing();
         }
@@ -167,7 +171,9 @@ impl Actor {
                 let _ = reply.send(result);
             }
             Command::CloseSession { session } => {
-                self.sessions.remove(&session);
+                if let Some(closed) = self.sessions.remove(&session) {
+                    self.save_surfels(&closed);
+                }
                 self.views.retain(|_, view| {
                     let stays = view.session != session;
                     if !stays {
@@ -248,8 +254,19 @@ impl Actor {
         let Some(gpu) = &self.gpu else { return Err(RendererError::DeviceLost) };
         self.store.admit(gpu, &scene)?;
         let lights = LightState::of_scene(&scene);
-        self.sessions.insert(session, Session { scene, lights, scene_rev: 0, on_device: None, shared: SessionState::default() });
+        let shared = SessionState::default();
+        if let Some(folder) = &self.config.snapshot_dir {
+            snapshots::offer(folder, &scene, &lights, &shared);
+        }
+        self.sessions.insert(session, Session { scene, lights, scene_rev: 0, on_device: None, shared });
         Ok(())
+    }
+
+    /// Keeps a session's surfels for the next time its scene is opened.
+    fn save_surfels(&self, session: &Session) {
+        if let (Some(folder), Some(gpu)) = (&self.config.snapshot_dir, &self.gpu) {
+            snapshots::save(folder, gpu, &session.scene, &session.lights, &session.shared);
+        }
     }
 
     /// What the session's surfel cache knows of a point.

@@ -9,6 +9,8 @@ pub struct RendererConfig {
     pub adapter: Option<String>,
     /// Where compiled pipelines are kept.
     pub cache_dir: Option<PathBuf>,
+    /// Where surfel caches of sessions are kept over restarts.
+    pub snapshot_dir: Option<PathBuf>,
     /// Device bytes that may be used.
     pub memory_budget_bytes: Option<u64>,
     /// Jobs that may wait.
@@ -27,6 +29,7 @@ impl Default for RendererConfig {
         Self {
             adapter: None,
             cache_dir: None,
+            snapshot_dir: None,
             memory_budget_bytes: None,
             max_queued_jobs: 64,
             max_running_jobs: 2,

@@ -18,6 +18,7 @@ pub struct StopRules {
     pub time_limit: Option<Duration>,
 }
 
+pub use surfelcast_techniques::registry::DEFAULT_OF_JOBS as DEFAULT_TECHNIQUE;
 pub use surfelcast_techniques::{KNOBS, Knob, MaterialMode, SurfelSettings};
 
 /// Extra output instead of radiance.
@@ -49,7 +50,7 @@ pub enum Aov {
     Surfel(SurfelOutput),
 }
 
-pub use surfelcast_techniques::SurfelOutput;
+pub use surfelcast_techniques::{ExportedSurfel, SurfelOutput};
 
 impl Aov {
     /// All, with the names used on the command line and over HTTP.
@@ -124,6 +125,8 @@ pub struct RenderJob {
     pub exposure: f32,
     /// Output; `None` = radiance.
     pub aov: Option<Aov>,
+    /// Whether the cache's surfels come with the picture.
+    pub exports_surfels: bool,
 }
 
 /// Progress of a job, for a `watch` channel.
@@ -208,6 +211,9 @@ pub struct RenderOutput {
     pub non_finite: u64,
     /// Bytes held on the device by kind: `scene`, `view`, `staging`.
     pub memory_bytes: Vec<(String, u64)>,
-    /// Why it stopped: `samples`, `max_error`, `time_limit` or `canceled`.
+    /// The cache's surfels, scene space, where asked for.
+    pub exported_surfels: Vec<ExportedSurfel>,
+    /// Why it stopped: `samples`, `max_error`, `time_limit`, `canceled`, or `stalled` where a biased technique's error no
+    /// longer falls.
     pub stopped_by: &'static str,
 }

@@ -14,6 +14,7 @@ mod pace;
 mod running_job;
 mod running_view;
 mod scenes;
+mod snapshots;
 pub mod slot;
 pub mod status;
 pub mod view;
@@ -26,7 +27,7 @@ pub use config::RendererConfig;
 pub use handle::{RendererError, RendererHandle};
 pub use inspection::{Contribution, Inspection};
 pub use job::{
-    Aov, ErrorEstimate, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput,
+    Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput,
     SurfelSettings,
 };
 pub use lights::SessionLights;

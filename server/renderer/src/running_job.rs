@@ -8,7 +8,7 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::passes::{features, first_surface};
 use surfelcast_techniques::path::merge_passes;
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Conformance, StepBudget, Technique, TechniqueOptions};
 use surfelcast_techniques::{Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry};
 
 use crate::handle::RendererError;
@@ -22,6 +22,10 @@ const FIRST_AUDIT: u32 = 16;
 const AUDIT_GROWTH: f64 = 1.25;
 /// Samples a pixel after which a job without another rule ends.
 const MAX_SAMPLES: u32 = 1 << 20;
+/// Samples from which a biased technique may be told to stop, and the share of the error at a quarter of the samples above
+/// which it is: noise alone would leave a half.
+const STALL_SAMPLES: u32 = 512;
+const STALL_SHARE: f64 = 0.85;
 /// Largest batch; smaller under a time limit, which may cut a batch short and leave it uneven.
 const MAX_BATCH: u32 = 64;
 const MAX_BATCH_TIMED: u32 = 4;
@@ -46,6 +50,10 @@ pub(crate) struct RunningJob {
     error: Option<ErrorEstimate>,
     /// What the error is probably below.
     error_bound: f64,
+    /// The technique may stop short of the truth, so a goal may lie out of its reach.
+    is_biased: bool,
+    /// Bounds at earlier audits by samples, the latest last.
+    earlier_bounds: Vec<(u32, f64)>,
     pace: Pace,
     started: Instant,
     setup_secs: f64,
@@ -98,6 +106,17 @@ impl RunningJob {
         };
         // A job starts from nothing, so that it gives the same bytes whatever was rendered before it.
         let technique = (entry.create)(gpu, &scene, &lights, &SessionState::default(), options)?;
+        if technique.surfel_cache().is_none() {
+            let lacking = match job.aov {
+                Some(Aov::Reflection) => Some("reflections kept apart"),
+                Some(Aov::Surfel(_)) => Some("surfels"),
+                _ => None,
+            };
+            if let Some(what) = lacking {
+                return Err(RendererError::Unsupported(format!("aov: technique {} has no {what}", job.technique)));
+            }
+        }
+        let is_biased = matches!(entry.conformance, Conformance::Biased { .. });
         let audited = technique.features().set(surfelcast_shaders::Feature::Split, false);
         let audit = (job.aov.is_none()).then(|| Audit::new(gpu, audited, job.size, job.seed)).transpose()?;
         Ok(Self {
@@ -109,6 +128,8 @@ impl RunningJob {
             next_audit: FIRST_AUDIT,
             error: None,
             error_bound: f64::INFINITY,
+            is_biased,
+            earlier_bounds: Vec::new(),
             pace: Pace::default(),
             started: Instant::now(),
             setup_secs: setup_started.elapsed().as_secs_f64(),
@@ -146,6 +167,8 @@ impl RunningJob {
             Some("time_limit")
         } else if self.meets_error() {
             Some("max_error")
+        } else if self.is_stalled() {
+            Some("stalled")
         } else {
             None
         };
@@ -170,6 +193,7 @@ impl RunningJob {
         merge_passes(&mut self.passes, step.passes);
         if is_auditing && step.is_whole && self.technique.samples() >= self.next_audit {
             self.run_audit(gpu)?;
+            self.earlier_bounds.push((self.technique.samples(), self.error_bound));
             self.next_audit = (f64::from(self.next_audit) * AUDIT_GROWTH).ceil() as u32;
         }
         Ok(JobState::Running)
@@ -194,6 +218,15 @@ impl RunningJob {
 
     fn meets_error(&self) -> bool {
         self.job.stop.max_error.is_some_and(|goal| self.error_bound <= f64::from(goal))
+    }
+
+    /// Whether an error that should have halved since a quarter of the samples hardly fell: then what is left is bias.
+    fn is_stalled(&self) -> bool {
+        let Some(&(samples, bound)) = self.earlier_bounds.last() else { return false };
+        let earlier = self.earlier_bounds.iter().rev().find(|(then, _)| *then <= samples / 4);
+        self.is_biased
+            && samples >= STALL_SAMPLES
+            && earlier.is_some_and(|(_, then)| bound > STALL_SHARE * then)
     }
 
     fn count(&mut self, rays: [u64; 3], non_finite: u64) {
@@ -253,7 +286,13 @@ impl RunningJob {
             }
             _ => picture.iter().map(rgb).collect(),
         };
-        Ok(self.output(gpu, pixels, samples, stopped_by))
+        let mut output = self.output(gpu, pixels, samples, stopped_by);
+        if self.job.exports_surfels
+            && let Some(cache) = self.technique.surfel_cache()
+        {
+            output.exported_surfels = cache.lock().export(gpu)?;
+        }
+        Ok(output)
     }
 
     fn lacks(&self, what: &str) -> RendererError {
@@ -282,6 +321,7 @@ impl RunningJob {
             passes: pass_times(&self.passes),
             skipped: skipped_passes(self.technique.features(), self.audit.is_none()),
             non_finite: self.non_finite,
+            exported_surfels: Vec::new(),
             memory_bytes: vec![
                 ("scene".to_owned(), memory.scene_bytes),
                 ("session".to_owned(), memory.session_bytes),

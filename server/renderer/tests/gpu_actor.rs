@@ -33,6 +33,7 @@ fn job(scene: &Arc<Scene>, samples: u32) -> RenderJob {
         stop: StopRules { samples: Some(samples), ..StopRules::default() },
         exposure: 1.0,
         aov: None,
+        exports_surfels: false,
     }
 }
 

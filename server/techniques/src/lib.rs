@@ -19,7 +19,7 @@ pub use passes::upload::SceneBuffers;
 pub use session::SessionState;
 pub use surfelcast_shaders::constants::SURFEL_FULL_TRUST as FULL_TRUST;
 pub use surfelcast_shaders::records::SurfelContribution;
-pub use surfel::{KNOBS, Knob, SurfelCache, SurfelOutput, SurfelSettings};
+pub use surfel::{ExportedSurfel, KNOBS, Knob, SnapshotIdentity, SurfelCache, SurfelOutput, SurfelSettings};
 pub use technique::{
     Change, Conformance, MaterialMode, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
 };

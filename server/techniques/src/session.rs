@@ -6,12 +6,14 @@ use parking_lot::Mutex;
 use surfelcast_gpu::{Gpu, GpuError};
 
 use crate::passes::upload::SceneBuffers;
-use crate::surfel::{SurfelCache, SurfelSettings};
+use crate::surfel::{SnapshotIdentity, SurfelCache, SurfelSettings};
 use crate::technique::{Change, MaterialMode};
 
 /// State of a session beside its scene and lights. A batch render has one of its own.
 #[derive(Debug, Default)]
 pub struct SessionState {
+    /// A cache as it was saved, until it is first asked for.
+    snapshot: Mutex<Option<(SnapshotIdentity, Vec<u8>)>>,
     surfels: Mutex<Option<(MaterialMode, Arc<Mutex<SurfelCache>>)>>,
 }
 
@@ -35,9 +37,22 @@ impl SessionState {
         }
         // The old one is freed first, so that the new one may take its place.
         *held = None;
-        let cache = Arc::new(Mutex::new(SurfelCache::new(gpu, scene, settings, pixel_count, seed)?));
+        let restored = self.snapshot.lock().take().and_then(|(identity, bytes)| {
+            let restored = SurfelCache::restore(gpu, scene, settings, pixel_count, seed, &identity, &bytes);
+            restored.inspect_err(|reason| tracing::warn!(%reason, "a saved surfel cache is not used")).ok()
+        });
+        let cache = match restored {
+            Some(cache) => cache,
+            None => SurfelCache::new(gpu, scene, settings, pixel_count, seed)?,
+        };
+        let cache = Arc::new(Mutex::new(cache));
         *held = Some((materials, Arc::clone(&cache)));
         Ok(cache)
+    }
+
+    /// Keeps a saved cache at hand for when one is asked for.
+    pub fn offer_snapshot(&self, identity: SnapshotIdentity, bytes: Vec<u8>) {
+        *self.snapshot.lock() = Some((identity, bytes));
     }
 
     /// The surfel cache, if the session has one by now.

@@ -6,7 +6,7 @@ use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, path, registry};
+use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, path, registry};
 
 const SIZE: [u32; 2] = [40, 30];
 
@@ -35,10 +35,18 @@ fn picture(
 fn compare(gpu: &Gpu, scene: &Scene, materials: MaterialMode) {
     let buffers = SceneBuffers::new(gpu, scene).unwrap();
     let lights = LightBuffers::new(gpu, scene, &LightState::of_scene(scene)).unwrap();
-    let options = TechniqueOptions { size: SIZE, materials, is_split: false, seed: 3, waits_for_kernels: true };
+    let options = TechniqueOptions {
+        size: SIZE,
+        full_size: SIZE,
+        materials,
+        is_split: false,
+        seed: 3,
+        waits_for_kernels: true,
+        surfel: SurfelSettings::default(),
+    };
     for named in &scene.cameras {
-        let view = FrameView { camera: named.camera, size: SIZE };
-        let mut special = (registry::TECHNIQUES[0].create)(gpu, &buffers, &lights, options).unwrap();
+        let view = FrameView { camera: named.camera, size: SIZE, exposure: 1.0 };
+        let mut special = (registry::by_id("path").unwrap().create)(gpu, &buffers, &lights, &SessionState::default(), options).unwrap();
         let mut general = path::create_general(gpu, options).unwrap();
         assert_ne!(special.features(), general.features());
         let special = picture(gpu, special.as_mut(), &buffers, &lights, &view);

@@ -5,7 +5,7 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_scene::{AlphaMode, Environment, Material, Scene, SceneSummary, Texture, TextureRef, Wrap};
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
 use surfelcast_shaders::records::{
-    AliasEntry, GeometryRecord, InstanceRecord, LightTriangle, MaterialRecord, TextureUse, geometry_flags,
+    AliasEntry, BvhTriangle, GeometryRecord, InstanceRecord, LightTriangle, MaterialRecord, TextureUse, geometry_flags,
     material_flags,
 };
 use surfelcast_shaders::{Feature, Features};
@@ -152,6 +152,12 @@ impl SceneBuffers {
             environment_table: uploader.upload("environment_table", &environment_table)?,
             bytes: uploader.bytes,
         })
+    }
+
+    /// Triangles and instances that something can be attached to.
+    pub(crate) fn attachment_counts(&self) -> [u32; 2] {
+        let count = |buffer: &Buffer, bytes_each: usize| (buffer.size_bytes() / bytes_each as u64) as u32;
+        [count(&self.bvh_triangles, size_of::<BvhTriangle>()), count(&self.instances, size_of::<InstanceRecord>())]
     }
 
     /// Where a kernel's variant starts to traverse.

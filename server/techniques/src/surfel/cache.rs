@@ -106,6 +106,8 @@ pub struct SurfelCache {
     cameras: Vec<(u64, CacheCamera)>,
     next_camera: u64,
     exposure: f32,
+    /// Living surfels are not in the grid yet: the cache was just read from disk.
+    pub(crate) is_unfiled: bool,
     /// The light changed: lights are cut down before the next update.
     pub(crate) is_relit: bool,
 }
@@ -162,6 +164,7 @@ impl SurfelCache {
             cameras: Vec::new(),
             next_camera: 0,
             exposure: 1.0,
+            is_unfiled: false,
             is_relit: false,
         };
         let mut graph = gpu.graph("surfel_cache");

@@ -11,6 +11,7 @@ mod cache;
 mod kernels;
 mod look;
 mod settings;
+mod snapshot;
 mod update;
 
 use std::sync::Arc;
@@ -24,6 +25,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
 pub use settings::{Estimator, KNOBS, Knob, SurfelSettings};
+pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
 use crate::passes::frame::FrameView;

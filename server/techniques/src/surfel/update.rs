@@ -62,6 +62,10 @@ impl SurfelCache {
     ) -> Result<f32, TechniqueError> {
         let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
+        if self.is_unfiled {
+            self.rebuild(work, self.live, step)?;
+            self.is_unfiled = false;
+        }
         let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
         let mut first_gain = 0.0;
         for round in 0..rounds {

@@ -1,0 +1,267 @@
+//! A cache on disk: written when a session ends, read when the same scene is opened again.
+//!
+//! Layout: magic, version, identity and counts in a fixed header, then the living surfels in the order of their ids, column
+//! by column, compressed with zlib, then a SHA-256 over everything before it. What does not fit is refused, never repaired: a
+//! cache is quickly made anew.
+
+use std::io::{Read as _, Write as _};
+
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use sha2::{Digest as _, Sha256};
+use surfelcast_gpu::{Buffer, Gpu, GpuError};
+use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
+use surfelcast_shaders::layout::bytemuck::{self, Pod};
+use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
+
+use crate::passes::upload::SceneBuffers;
+use crate::surfel::cache::SurfelCache;
+use crate::surfel::settings::SurfelSettings;
+
+const MAGIC: [u8; 8] = *b"surfels\0";
+/// Raised whenever the meaning of a byte changes.
+const VERSION: u32 = 1;
+/// Bytes before the compressed columns.
+const HEADER_BYTES: usize = 8 + 4 + 3 * 32 + 4 * 4;
+const HASH_BYTES: usize = 32;
+/// Bytes of one read back or upload.
+const CHUNK_BYTES: u64 = 32 << 20;
+
+/// What a snapshot belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SnapshotIdentity {
+    /// Hash of the scene.
+    pub scene: [u8; 32],
+    /// Hash of the lights.
+    pub lights: [u8; 32],
+}
+
+/// Why a snapshot was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum SnapshotError {
+    /// Not a snapshot, or cut short, or changed on the way.
+    #[error("the snapshot is damaged: {0}")]
+    Damaged(&'static str),
+    /// A snapshot of something else.
+    #[error("the snapshot belongs to {0}")]
+    Foreign(&'static str),
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// One column: everything about surfels in memory, by id.
+struct Column<'a> {
+    buffer: &'a Buffer,
+    bytes_each: usize,
+}
+
+impl SurfelCache {
+    fn columns(&self) -> [Column<'_>; 5] {
+        let column = |buffer, bytes_each| Column { buffer, bytes_each };
+        [
+            column(&self.records, size_of::<SurfelRecord>()),
+            column(&self.lights, size_of::<SurfelLight>()),
+            column(&self.outputs, size_of::<SurfelOutput>()),
+            column(&self.tiles, SURFEL_TILE_WORDS as usize * 4),
+            column(&self.flags, 4),
+        ]
+    }
+
+    /// The living surfels as bytes.
+    pub fn save(&self, gpu: &Gpu, identity: &SnapshotIdentity) -> Result<Vec<u8>, GpuError> {
+        let ids: Vec<u32> = read::<u32>(gpu, &self.lists, u64::from(self.live))?;
+        let mut bytes = Vec::with_capacity(HEADER_BYTES);
+        bytes.extend_from_slice(&MAGIC);
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(&identity.scene);
+        bytes.extend_from_slice(&identity.lights);
+        bytes.extend_from_slice(&settings_hash(self.settings()));
+        for number in [self.live, self.next_serial, self.update, self.calm_updates] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        let mut encoder = ZlibEncoder::new(bytes, Compression::fast());
+        for Column { buffer, bytes_each } in self.columns() {
+            let all: Vec<u8> = read(gpu, buffer, u64::from(self.capacity) * bytes_each as u64)?;
+            for &id in &ids {
+                let start = id as usize * bytes_each;
+                // Writing to memory cannot fail.
+                let _ = encoder.write_all(all.get(start..start + bytes_each).unwrap_or_default());
+            }
+        }
+        let mut bytes = encoder.finish().unwrap_or_default();
+        let hash = Sha256::digest(&bytes);
+        bytes.extend_from_slice(&hash);
+        Ok(bytes)
+    }
+
+    /// A cache as it was saved. Other lights than then are no fault: the surfels stay and their light is measured anew.
+    pub fn restore(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        settings: SurfelSettings,
+        pixel_count: u32,
+        seed: u64,
+        identity: &SnapshotIdentity,
+        bytes: &[u8],
+    ) -> Result<Self, SnapshotError> {
+        let header = Header::read(bytes)?;
+        if header.scene != identity.scene {
+            return Err(SnapshotError::Foreign("another scene"));
+        }
+        if header.settings != settings_hash(&settings) {
+            return Err(SnapshotError::Foreign("other settings"));
+        }
+        let mut cache = Self::new(gpu, scene, settings, pixel_count, seed)?;
+        let live = header.live;
+        if live > cache.capacity {
+            return Err(SnapshotError::Foreign("a cache that is larger than this device's"));
+        }
+        let body = &bytes[HEADER_BYTES..bytes.len() - HASH_BYTES];
+        let expected: usize = cache.columns().iter().map(|column| column.bytes_each * live as usize).sum();
+        let mut columns = Vec::new();
+        // One byte more than expected tells a body that is too long.
+        let decoded = ZlibDecoder::new(body).take(expected as u64 + 1).read_to_end(&mut columns);
+        if decoded.is_err() || columns.len() != expected {
+            return Err(SnapshotError::Damaged("its columns do not unpack to the size it states"));
+        }
+        let record_bytes = size_of::<SurfelRecord>() * live as usize;
+        check_records(&bytemuck::pod_collect_to_vec(&columns[..record_bytes]), scene)?;
+        let light_bytes = record_bytes + size_of::<SurfelLight>() * live as usize;
+        let output_bytes = light_bytes + size_of::<SurfelOutput>() * live as usize;
+        check_lights(&bytemuck::pod_collect_to_vec(&columns[record_bytes..light_bytes]))?;
+        let outputs: Vec<f32> = bytemuck::pod_collect_to_vec(&columns[light_bytes..output_bytes]);
+        if !outputs.iter().all(|value| value.is_finite()) {
+            return Err(SnapshotError::Damaged("a surfel's light is no number"));
+        }
+        let mut rest = columns.as_slice();
+        for Column { buffer, bytes_each } in cache.columns() {
+            let (column, behind) = rest.split_at(bytes_each * live as usize);
+            gpu.upload(buffer, 0, column)?;
+            rest = behind;
+        }
+        let ids: Vec<u32> = (0..cache.capacity).collect();
+        let (living, free) = ids.split_at(live as usize);
+        gpu.upload(&cache.lists, 0, bytemuck::cast_slice(living))?;
+        gpu.upload(&cache.lists, u64::from(cache.capacity) * 4, bytemuck::cast_slice(free))?;
+        cache.live = live;
+        cache.next_serial = header.next_serial;
+        cache.update = header.update.max(1);
+        cache.calm_updates = header.calm_updates;
+        cache.is_unfiled = true;
+        if header.lights != identity.lights {
+            cache.relight();
+        }
+        Ok(cache)
+    }
+}
+
+struct Header {
+    scene: [u8; 32],
+    lights: [u8; 32],
+    settings: [u8; 32],
+    live: u32,
+    next_serial: u32,
+    update: u32,
+    calm_updates: u32,
+}
+
+impl Header {
+    fn read(bytes: &[u8]) -> Result<Self, SnapshotError> {
+        if bytes.len() < HEADER_BYTES + HASH_BYTES || bytes[..8] != MAGIC {
+            return Err(SnapshotError::Damaged("it does not begin as a snapshot does"));
+        }
+        let number = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        if number(8) != VERSION {
+            return Err(SnapshotError::Foreign("another version of the program"));
+        }
+        let (content, hash) = bytes.split_at(bytes.len() - HASH_BYTES);
+        if Sha256::digest(content).as_slice() != hash {
+            return Err(SnapshotError::Damaged("its checksum is wrong"));
+        }
+        let hash_at = |at: usize| {
+            let mut hash = [0; 32];
+            hash.copy_from_slice(&bytes[at..at + 32]);
+            hash
+        };
+        Ok(Self {
+            scene: hash_at(12),
+            lights: hash_at(44),
+            settings: hash_at(76),
+            live: number(108),
+            next_serial: number(112),
+            update: number(116),
+            calm_updates: number(120),
+        })
+    }
+}
+
+/// No index may lead a kernel out of a buffer, no value may poison a mean.
+fn check_records(records: &[SurfelRecord], scene: &SceneBuffers) -> Result<(), SnapshotError> {
+    let [triangles, instances] = scene.attachment_counts();
+    let is_sound = |record: &SurfelRecord| {
+        record.bvh_triangle < triangles
+            && record.instance < instances
+            && record.level <= 31
+            && record.radius > 0.0
+            && record.position.iter().chain(&record.barycentrics).chain(&[record.radius]).all(|v| v.is_finite())
+    };
+    if records.iter().all(is_sound) { Ok(()) } else { Err(SnapshotError::Damaged("a surfel lies nowhere in the scene")) }
+}
+
+fn check_lights(lights: &[SurfelLight]) -> Result<(), SnapshotError> {
+    let is_sound = |light: &SurfelLight| {
+        let scalars = [
+            light.ray_count,
+            light.variance,
+            light.short_mean,
+            light.drift,
+            light.age,
+            light.guide_scale,
+            light.short_variance,
+            light.blend_ratio,
+        ];
+        light.indirect.iter().chain(&light.direct).chain(&scalars).all(|value| value.is_finite())
+    };
+    if lights.iter().all(is_sound) { Ok(()) } else { Err(SnapshotError::Damaged("a surfel's light is no number")) }
+}
+
+fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
+    Sha256::digest(format!("{settings:?}")).into()
+}
+
+/// The first `count` items of a buffer.
+fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuError> {
+    let end = count * size_of::<T>() as u64;
+    let mut bytes = Vec::with_capacity(end as usize);
+    let mut at = 0;
+    while at < end {
+        let next = (at + CHUNK_BYTES).min(end);
+        let mut graph = gpu.graph("surfel_snapshot");
+        let ticket = graph.read_back(buffer, at..next)?;
+        bytes.extend(graph.submit()?.wait()?.take(ticket)?);
+        at = next;
+    }
+    Ok(bytemuck::pod_collect_to_vec(&bytes))
+}
+
+/// A living surfel as it is written to a point cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExportedSurfel {
+    /// Where it lies.
+    pub record: SurfelRecord,
+    /// What it measured.
+    pub light: SurfelLight,
+}
+
+impl SurfelCache {
+    /// Every living surfel, in the order of the ids.
+    pub fn export(&self, gpu: &Gpu) -> Result<Vec<ExportedSurfel>, GpuError> {
+        let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
+        let records: Vec<SurfelRecord> = read(gpu, &self.records, u64::from(self.capacity))?;
+        let lights: Vec<SurfelLight> = read(gpu, &self.lights, u64::from(self.capacity))?;
+        let pairs = ids.iter().filter_map(|&id| Some((records.get(id as usize)?, lights.get(id as usize)?)));
+        Ok(pairs.map(|(&record, &light)| ExportedSurfel { record, light }).collect())
+    }
+}
