@@ -19,8 +19,8 @@
 //! ```
 //!
 //! Rooms: `guard` and `cors` (Host, Origin, headers), `listen` (sockets, timeouts), `router` (all routes), `scenes` and
-//! `scene_store`, `renders`, `render_request` and `jobs`, `socket` to `outbox` (one WebSocket), `sessions` and `lights`
-//! (what the views of a scene share).
+//! `scene_store`, `renders`, `render_request`, `surfel_request` and `jobs`, `socket` to `outbox` (one
+//! WebSocket), `sessions` and `lights` (what the views of a scene share).
 
 mod assets;
 mod blocking;
@@ -52,6 +52,7 @@ mod scenes;
 mod sessions;
 mod socket;
 mod state;
+mod surfel_request;
 mod text;
 mod validate;
 mod welcome;

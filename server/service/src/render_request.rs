@@ -10,10 +10,11 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 use surfelcast_protocol::settings::Pose;
 use surfelcast_renderer::scene::{Camera, Scene};
-use surfelcast_renderer::{Aov, MaterialMode, RenderJob, RendererStatus, StopRules, SurfelSettings};
+use surfelcast_renderer::{Aov, DEFAULT_TECHNIQUE, MaterialMode, RenderJob, RendererStatus, StopRules, SurfelSettings};
 
 use crate::config::Bounds;
 use crate::problem::ApiError;
+use crate::surfel_request::surfel_settings;
 use crate::validate::{EXPOSURE, camera, within};
 
 /// Samples a pixel of a render that names no stop rule.
@@ -21,13 +22,15 @@ const DEFAULT_SAMPLES: u32 = 64;
 /// Size of a render that names none, where the camera names none either.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 /// Fields of the body.
-const FIELDS: [&str; 15] = [
+const FIELDS: [&str; 17] = [
     "scene",
     "camera",
     "camera_name",
     "width",
     "height",
     "technique",
+    "preset",
+    "surfel",
     "reconstruction",
     "samples_per_pixel",
     "frames",
@@ -50,6 +53,7 @@ pub(crate) struct RenderSpec {
     width: Option<u32>,
     height: Option<u32>,
     technique: Option<String>,
+    surfel: SurfelSettings,
     reconstruction: Option<String>,
     stop: StopRules,
     seed: u64,
@@ -82,6 +86,7 @@ impl RenderSpec {
             width: fields.integer("width", 1, u64::from(bounds.render_side))?.map(|v| v as u32),
             height: fields.integer("height", 1, u64::from(bounds.render_side))?.map(|v| v as u32),
             technique: fields.string("technique")?,
+            surfel: surfel_settings(fields.string("preset")?.as_deref(), fields.get("surfel"))?,
             reconstruction: fields.string("reconstruction")?,
             stop: parse_stop(&fields, bounds)?,
             seed: fields.integer("seed", 0, u64::MAX)?.unwrap_or(0),
@@ -145,7 +150,7 @@ impl RenderSpec {
             return Err(ApiError::unprocessable(detail));
         }
         let ids: Vec<&str> = status.techniques.iter().map(|technique| technique.id).collect();
-        let technique = self.technique.as_deref().or(ids.first().copied()).unwrap_or_default();
+        let technique = self.technique.as_deref().unwrap_or(DEFAULT_TECHNIQUE);
         if !ids.contains(&technique) {
             return Err(ApiError::unprocessable(format!("technique: must be one of {}", ids.join(", "))));
         }
@@ -166,11 +171,12 @@ impl RenderSpec {
             size,
             technique: technique.to_owned(),
             materials: self.materials,
-            surfel: SurfelSettings::default(),
+            surfel: self.surfel,
             seed: self.seed,
             stop: self.stop,
             exposure,
             aov: self.aov,
+            exports_surfels: false,
             scene,
         };
         let key = cache_key(&job, status, server);
@@ -323,6 +329,12 @@ mod tests {
             (r#"{"scene":"s","materials":"wood"}"#, 422, "materials"),
             (r#"{"scene":"s","exposure":0}"#, 422, "exposure"),
             (r#"{"scene":"s","aov":"soul"}"#, 422, "aov"),
+            (r#"{"scene":"s","preset":"ultra"}"#, 422, "preset"),
+            (r#"{"scene":"s","preset":3}"#, 400, "preset"),
+            (r#"{"scene":"s","surfel":4}"#, 400, "surfel"),
+            (r#"{"scene":"s","surfel":{"radius":"4"}}"#, 400, "surfel.radius"),
+            (r#"{"scene":"s","surfel":{"radius":0.5}}"#, 422, "surfel.radius"),
+            (r#"{"scene":"s","surfel":{"size":4}}"#, 422, "surfel.size"),
             (r#"{"scene":"s","camera":7}"#, 400, "camera"),
             (r#"{"scene":"s","camera":{"position":[0,0,1],"target":[0,0,0]}}"#, 400, "camera.vfov_deg"),
             (r#"{"scene":"s","camera":{"position":[0,0],"target":[0,0,0],"vfov_deg":40}}"#, 400, "camera.position"),
@@ -348,6 +360,16 @@ mod tests {
             assert_eq!(code, status, "{body}: {detail}");
             assert!(detail.starts_with(field), "{body}: {detail}");
         }
+    }
+
+    #[test]
+    fn every_output_can_be_asked_for() {
+        for (name, aov) in Aov::ALL {
+            let body = format!(r#"{{"scene":"s","aov":"{name}"}}"#);
+            assert_eq!(RenderSpec::parse(body.as_bytes(), &Bounds::default()).expect(name).aov, Some(aov));
+        }
+        let (_, detail) = refused(r#"{"scene":"s","aov":"soul"}"#);
+        assert!(Aov::ALL.iter().all(|(name, _)| detail.contains(name)), "{detail}");
     }
 
     #[test]

@@ -10,8 +10,9 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use surfelcast_renderer::{DeviceState, ErrorEstimate, RenderOutput};
+use surfelcast_renderer::{Aov, DeviceState, ErrorEstimate, RenderOutput};
 use utoipa::ToSchema;
+use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::body::{BodyReader, media_type};
 use crate::idempotency::Begin;
@@ -22,6 +23,7 @@ use crate::render_request::RenderSpec;
 use crate::scene_store::unknown_scene;
 use crate::scenes::draining;
 use crate::state::ServiceState;
+use crate::surfel_request::{SurfelKnobs, preset_schema};
 
 /// A render as a resource.
 #[derive(Debug, Serialize, ToSchema)]
@@ -75,6 +77,11 @@ pub(crate) struct RenderBody {
     height: Option<u32>,
     /// Technique id.
     technique: Option<String>,
+    #[schema(schema_with = preset_schema, required = false)]
+    preset: Option<String>,
+    /// Knobs of the surfel cache, over the preset.
+    #[schema(value_type = Option<SurfelKnobs>)]
+    surfel: Option<serde_json::Value>,
     /// Reconstruction of techniques that have one.
     reconstruction: Option<String>,
     /// Stop at so many samples a pixel.
@@ -91,8 +98,17 @@ pub(crate) struct RenderBody {
     materials: Option<String>,
     /// Linear factor.
     exposure: Option<f32>,
-    /// Extra output instead of radiance; EXR only.
+    #[schema(schema_with = aov_schema, required = false)]
     aov: Option<String>,
+}
+
+/// Extra outputs by name.
+fn aov_schema() -> Object {
+    ObjectBuilder::new()
+        .schema_type(Type::String)
+        .enum_values(Some(Aov::ALL.map(|(name, _)| name)))
+        .description(Some("Extra output instead of radiance; EXR only."))
+        .build()
 }
 
 impl RenderInfo {

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 use surfelcast_renderer::scene::Camera;
 use surfelcast_renderer::status::TechniqueDescription;
 use surfelcast_renderer::{
-    Command, CommandReceiver, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot, JobProgress,
-    RayCounts, RenderJob, RenderOutput, RendererError, RendererHandle, RendererStatus, SessionKey, ViewKey, ViewState,
+    Aov, Command, CommandReceiver, Contribution, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot,
+    Inspection, JobProgress, RayCounts, RenderJob, RenderOutput, RendererError, RendererHandle, RendererStatus,
+    SessionKey, SurfelSettings, ViewKey, ViewState,
 };
 use tokio::sync::{oneshot, watch};
 
@@ -19,9 +20,26 @@ pub(crate) enum Told {
     CloseSession,
     OpenView,
     CloseView,
-    View { input_seq: u32, x: f64, is_moving: bool },
-    Lights { scene_rev: u32, count: usize },
-    Render { seed: u64 },
+    View {
+        input_seq: u32,
+        x: f64,
+        is_moving: bool,
+    },
+    /// A view shows another output than before.
+    Shows(Option<Aov>),
+    Lights {
+        scene_rev: u32,
+        count: usize,
+    },
+    Inspect {
+        size: [u32; 2],
+        point: [f32; 2],
+    },
+    Render {
+        seed: u64,
+        aov: Option<Aov>,
+        surfel: SurfelSettings,
+    },
 }
 
 /// How the fake behaves.
@@ -31,6 +49,10 @@ pub(crate) struct Manners {
     pub(crate) frame_time: Duration,
     /// Time for a job.
     pub(crate) job_time: Duration,
+    /// Time to look at a point.
+    pub(crate) point_time: Duration,
+    /// What lights a point; its position is that of the camera.
+    pub(crate) inspection: Option<Inspection>,
     /// Samples at which a view has converged.
     pub(crate) final_samples: u32,
     /// Resolution factor at which a moving frame keeps its time.
@@ -46,6 +68,13 @@ impl Default for Manners {
         Self {
             frame_time: Duration::from_millis(2),
             job_time: Duration::from_millis(5),
+            point_time: Duration::ZERO,
+            inspection: Some(Inspection {
+                normal: [0.0, 1.0, 0.0],
+                coverage: 1.5,
+                contributions: vec![Contribution { id: 7, share: 1.0, ..Contribution::default() }],
+                ..Inspection::default()
+            }),
             final_samples: 64,
             device_scale: 1.0,
             session_error: None,
@@ -150,12 +179,18 @@ impl Actor {
             }
             Command::OpenView { session, view, state, slot, reply } => {
                 self.note(Told::OpenView);
+                if state.aov.is_some() {
+                    self.note(Told::Shows(state.aov));
+                }
                 self.views.insert(view, View { session, state, slot, samples: 0 });
                 let _ = reply.send(Ok(()));
             }
             Command::UpdateView { view, state } => {
                 let x = state.camera.position.x;
                 self.note(Told::View { input_seq: state.input_seq, x, is_moving: state.is_moving });
+                if self.views.get(&view).is_some_and(|view| view.state.aov != state.aov) {
+                    self.note(Told::Shows(state.aov));
+                }
                 if let Some(view) = self.views.get_mut(&view) {
                     view.state = *state;
                     view.samples = 0;
@@ -170,8 +205,18 @@ impl Actor {
                     surfelcast_renderer::command::Picked { position: camera.position, object: "box".to_owned() };
                 let _ = reply.send(Ok(Some(picked)));
             }
+            Command::Inspect { camera, size, point, reply, .. } => {
+                self.note(Told::Inspect { size, point });
+                let found = self.manners.inspection.clone();
+                let found = found.map(|found| Inspection { position: camera.position.to_array(), ..found });
+                let time = self.manners.point_time;
+                tokio::spawn(async move {
+                    tokio::time::sleep(time).await;
+                    let _ = reply.send(Ok(found));
+                });
+            }
             Command::Render { job, progress, cancel, reply } => {
-                self.note(Told::Render { seed: job.seed });
+                self.note(Told::Render { seed: job.seed, aov: job.aov, surfel: job.surfel });
                 let error = (!self.manners.job_errors.is_empty()).then(|| self.manners.job_errors.remove(0));
                 tokio::spawn(render_job(*job, self.manners.job_time, error, progress, cancel, reply));
             }
@@ -259,6 +304,7 @@ fn output_of(job: &RenderJob) -> RenderOutput {
         render_secs: 0.25,
         setup_secs: 0.0,
         surfels: None,
+        exported_surfels: Vec::new(),
         passes: Vec::new(),
         skipped: Vec::new(),
         non_finite: 0,

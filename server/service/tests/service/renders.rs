@@ -5,7 +5,7 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
 use serde_json::{Value, json};
-use surfelcast_renderer::{DeviceState, RendererError};
+use surfelcast_renderer::{Aov, DeviceState, KNOBS, RendererError, SurfelSettings};
 
 use crate::fake::{Manners, Told};
 use crate::support::{Answer, Service};
@@ -77,6 +77,8 @@ async fn equal_requests_give_equal_bytes_and_one_render() {
         ("samples_per_pixel", json!(5)),
         ("technique", json!("other")),
         ("materials", json!("lambert")),
+        ("preset", json!("high")),
+        ("surfel", json!({"radius": 4})),
         ("width", json!(33)),
         ("camera", json!({"position": [0, 0, 9], "target": [0, 0, 0], "vfov_deg": 30})),
     ] {
@@ -161,6 +163,10 @@ async fn bad_requests_name_the_field() {
         (json!({"height": null}), 422, "width"),
         (json!({"technique": "warp"}), 422, "technique"),
         (json!({"reconstruction": "poisson"}), 422, "reconstruction"),
+        (json!({"preset": "ultra"}), 422, "preset"),
+        (json!({"surfel": {"radius": 1000}}), 422, "surfel.radius: must be within 1.5 to 32"),
+        (json!({"surfel": {"size": 1}}), 422, "surfel.size: no such knob"),
+        (json!({"surfel": {"rays": true}}), 400, "surfel.rays"),
         (json!({"camera_name": "nobody"}), 422, "camera_name"),
         (json!({"camera": {"position": [0, 0, 0], "target": [0, 0, 0], "vfov_deg": 40}}), 422, "camera"),
     ] {
@@ -176,6 +182,49 @@ async fn bad_requests_name_the_field() {
     let long = service.post("/v1/renders", &[("content-type", "application/json")], long).await;
     assert_eq!(long.status, StatusCode::PAYLOAD_TOO_LARGE);
     assert_eq!(renders(&service), 0);
+}
+
+#[tokio::test]
+async fn surfel_settings_and_outputs_reach_the_renderer() {
+    let service = Service::start().await;
+    let high = SurfelSettings { radius_pixels: 4.0, rays_per_pixel: 1.5, ..SurfelSettings::HIGH };
+    for (more, aov, surfel) in [
+        (json!({}), None, SurfelSettings::default()),
+        (json!({"preset": "preview"}), None, SurfelSettings::PREVIEW),
+        (json!({"preset": null, "surfel": null, "seed": 1}), None, SurfelSettings::default()),
+        (json!({"preset": "high", "surfel": {"radius": 4, "rays": 1.5}}), None, high),
+        (json!({"aov": "surfel_rays"}), Aov::by_name("surfel_rays"), SurfelSettings::default()),
+    ] {
+        let answer = render(&service, &[("prefer", "wait=10"), ("accept", "application/json")], more.clone()).await;
+        assert_eq!(answer.json()["status"], "succeeded");
+        let seed = more["seed"].as_u64().unwrap_or(0);
+        assert_eq!(service.fake.told().last(), Some(&Told::Render { seed, aov, surfel }), "{more}");
+    }
+}
+
+#[tokio::test]
+async fn the_api_description_lists_presets_knobs_and_outputs() {
+    let service = Service::start().await;
+    let document = service.get("/v1/openapi.json").await.json();
+    let schemas = &document["components"]["schemas"];
+    let knobs = &schemas["SurfelKnobs"]["properties"];
+    assert_eq!(knobs.as_object().map(serde_json::Map::len), Some(KNOBS.len()));
+    for knob in KNOBS {
+        let described = &knobs[knob.name];
+        assert_eq!(described["description"], knob.help);
+        assert_eq!(described["minimum"].as_f64().map(|v| v as f32), Some(knob.range[0]), "{described}");
+        assert_eq!(described["maximum"].as_f64().map(|v| v as f32), Some(knob.range[1]), "{described}");
+    }
+    let body = &schemas["RenderBody"];
+    assert_eq!(body["required"], json!(["scene"]));
+    let presets: Vec<&str> = SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect();
+    assert_eq!(
+        (&body["properties"]["preset"]["enum"], &body["properties"]["preset"]["default"]),
+        (&json!(presets), &json!("balanced"))
+    );
+    let outputs: Vec<&str> = Aov::ALL.iter().map(|(name, _)| *name).collect();
+    assert_eq!(body["properties"]["aov"]["enum"], json!(outputs));
+    assert!(body["properties"]["surfel"].to_string().contains("#/components/schemas/SurfelKnobs"), "{body}");
 }
 
 #[tokio::test]
