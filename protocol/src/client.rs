@@ -1,5 +1,6 @@
 //! Messages from the client to the server.
 
+use serde::de::Error as _;
 use serde::de::value::{Error as ValueError, StrDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -45,6 +46,17 @@ pub enum ClientMessage {
     /// What surface is under a pixel of the last shown frame (focus on double-click).
     #[serde(rename = "pick")]
     Pick {
+        /// View.
+        #[serde(default)]
+        view: u16,
+        /// Horizontal position, 0 (left) to 1.
+        x: f32,
+        /// Vertical position, 0 (top) to 1.
+        y: f32,
+    },
+    /// Which surfels light the surface under a pixel of the last shown frame; answered by `inspected`.
+    #[serde(rename = "inspect")]
+    Inspect {
         /// View.
         #[serde(default)]
         view: u16,
@@ -170,12 +182,27 @@ pub struct ViewSet {
     /// Technique id, among `welcome.techniques`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub technique: Option<String>,
+    /// Output shown instead of radiance, among `welcome.outputs`; null goes back to radiance.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[allow(clippy::option_option, reason = "absent leaves the view as it is, null is a wish of its own")]
+    pub aov: Option<Option<String>>,
     /// Stop refining at this tone-mapped RMSE, in (0, 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_error: Option<f32>,
     /// Stop refining at this many samples a pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_spp: Option<u32>,
+}
+
+/// Tells a null, which was said, from a field that was not.
+#[allow(clippy::option_option, reason = "that is what it tells apart")]
+fn present<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<String>>, D::Error> {
+    let value = serde_json::Value::deserialize(deserializer)?;
+    match value {
+        serde_json::Value::Null => Ok(Some(None)),
+        serde_json::Value::String(name) => Ok(Some(Some(name))),
+        _ => Err(D::Error::custom("aov: expected the id of an output, or null")),
+    }
 }
 
 /// Acknowledgement of all frames up to `seq`.

@@ -7,6 +7,7 @@
 pub mod client;
 pub mod close;
 pub mod frame;
+pub mod inspection;
 pub mod limits;
 pub mod parse;
 pub mod problem;

@@ -5,7 +5,8 @@ use serde_json::Value;
 use crate::client::{ClientEnvelope, ClientMessage};
 
 /// Message types a client may send, in the order of [`ClientMessage`].
-pub const CLIENT_TYPES: [&str; 9] = ["hello", "camera", "light", "view.set", "ack", "still", "pick", "ping", "pong"];
+pub const CLIENT_TYPES: [&str; 10] =
+    ["hello", "camera", "light", "view.set", "ack", "still", "pick", "inspect", "ping", "pong"];
 
 /// Why a text message was not understood. Messages never repeat more than a few characters of the input.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::inspection::Inspection;
 use crate::limits::Limits;
 use crate::settings::{LightState, NamedPose};
 
@@ -51,6 +52,15 @@ pub enum ServerMessage {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         object: Option<String>,
     },
+    /// Answer to `inspect`.
+    #[serde(rename = "inspected")]
+    Inspected {
+        /// The request's id.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        re: Option<u64>,
+        /// What lights the point; null where the ray left the scene or the session keeps no surfels.
+        inspection: Option<Box<Inspection>>,
+    },
     /// A message was refused; the connection stays.
     #[serde(rename = "error")]
     Error {
@@ -91,6 +101,9 @@ pub struct Welcome {
     pub limits: Limits,
     /// Techniques on offer, the default first.
     pub techniques: Vec<TechniqueInfo>,
+    /// What a view can show instead of radiance.
+    #[serde(default)]
+    pub outputs: Vec<OutputInfo>,
     /// Cameras of the scene.
     pub cameras: Vec<NamedPose>,
     /// Centre of the scene's bounds, world space.
@@ -137,6 +150,15 @@ pub struct TechniqueInfo {
     pub label: String,
     /// One sentence on what it is.
     pub summary: String,
+}
+
+/// An output that a view can show instead of radiance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OutputInfo {
+    /// Id for `view.set`.
+    pub id: String,
+    /// Name for people.
+    pub label: String,
 }
 
 /// Why something happened that the user should know.

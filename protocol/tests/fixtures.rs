@@ -59,8 +59,19 @@ fn server_messages_decode_and_encode_back() {
         let encoded = serde_json::to_string(&decoded).expect("encodes");
         assert_eq!(plain(serde_json::from_str(&encoded).expect("is JSON")), plain(item.clone()));
     }
-    let all = ["error", "lights", "notice", "ok", "picked", "ping", "pong", "stats", "welcome"];
+    let all = ["error", "inspected", "lights", "notice", "ok", "picked", "ping", "pong", "stats", "welcome"];
     assert_eq!(kinds(&list), all, "every type has a fixture");
+}
+
+#[test]
+fn an_absent_output_is_not_a_null_one() {
+    let aov = |text: &str| match parse_client(text).map(|envelope| envelope.message) {
+        Ok(ClientMessage::ViewSet(set)) => set.aov,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(aov(r#"{"t":"view.set"}"#), None);
+    assert_eq!(aov(r#"{"t":"view.set","aov":null}"#), Some(None));
+    assert_eq!(aov(r#"{"t":"view.set","aov":"normal"}"#), Some(Some("normal".into())));
 }
 
 #[test]
@@ -121,6 +132,10 @@ fn strangers_get_three_kinds_of_answers() {
         Ok(ClientMessage::Hello(hello)) => assert_eq!(hello.caps.codecs, [Codec::Png], "unknown codecs are skipped"),
         other => panic!("{other:?}"),
     }
+    match parse_client(r#"{"t":"view.set","id":4,"aov":7}"#) {
+        Err(ParseError::Invalid { id: Some(4), detail, .. }) => assert!(detail.starts_with("aov: "), "{detail}"),
+        other => panic!("{other:?}"),
+    }
     let extra = "{\"t\":\"ping\",\"ts\":1.5,\"new_field\":[1,2]}";
     assert!(parse_client(extra).is_ok(), "unknown fields are ignored");
 }
@@ -174,7 +189,7 @@ proptest! {
     }
 
     #[test]
-    fn parsing_mutated_messages_never_panics(which in 0..16usize, at in any::<prop::sample::Index>(), to in any::<char>()) {
+    fn parsing_mutated_messages_never_panics(which in 0..32usize, at in any::<prop::sample::Index>(), to in any::<char>()) {
         let list = items(CLIENT);
         let mut text: Vec<char> = list[which % list.len()].to_string().chars().collect();
         let at = at.index(text.len());

@@ -42,6 +42,7 @@ test('malformed messages are refused by name of the field', () => {
     ['{"t":"ping"}', /ping\.ts is not a finite number/],
     ['{"t":"ping","ts":1e999}', /ping\.ts is not a finite number/],
     ['{"t":"picked","position":[1,2]}', /picked\.position has 2 entries, expected 3/],
+    ['{"t":"inspected","inspection":{"coverage":null}}', /inspected\.inspection\.coverage is not a finite number/],
     ['{"t":"lights","lights":[{"id":1}]}', /lights\.lights\[0\]\.name is not a string/],
     ['{"t":"lights","lights":{}}', /lights\.lights is not a list/],
     ['{"t":"welcome","v":1,"conn":"c","session":[]}', /welcome\.session is not an object/],
@@ -49,6 +50,14 @@ test('malformed messages are refused by name of the field', () => {
   for (const [text, reason] of cases) {
     assert.throws(() => parseServerMessage(text), (error) => error instanceof MessageError && reason.test(error.message), text);
   }
+});
+
+test('a point without surfels is null, and a server without outputs offers none', () => {
+  const golden = json('server_messages.json');
+  assert.ok(golden.some(({ t, inspection }) => t === 'inspected' && inspection === null));
+  const { outputs, ...older } = golden.find(({ t }) => t === 'welcome');
+  assert.ok(outputs.length > 0);
+  assert.deepEqual(parseServerMessage(JSON.stringify(older)).outputs, []);
 });
 
 test('a light without `enabled` is on', () => {

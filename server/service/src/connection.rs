@@ -38,8 +38,8 @@ const FIRST_SIZE_PATIENCE: Duration = Duration::from_millis(250);
 const DRAIN_PATIENCE: Duration = Duration::from_secs(1);
 /// Pings without a sign of life that end a connection.
 const MISSED_PINGS: u32 = 2;
-/// Answers to picks that may wait.
-pub(crate) const PICKS: usize = 4;
+/// Points of the picture that may be looked at for one client at a time.
+pub(crate) const POINT_QUESTIONS: usize = 4;
 
 /// How a connection ends.
 #[derive(Debug)]
@@ -204,7 +204,7 @@ impl Connection {
         let mut status = self.state.handle().status();
         status.mark_changed();
         let (encoded_sender, mut encoded) = mpsc::channel(1);
-        let (late_sender, mut late) = mpsc::channel(PICKS);
+        let (late_sender, mut late) = mpsc::channel(POINT_QUESTIONS);
         self.outbound.encoded = Some(encoded_sender);
         self.inbound.late = Some(late_sender);
         let draining = self.state.draining().clone();
@@ -398,7 +398,7 @@ impl Connection {
     }
 
     fn on_late(&mut self, message: &ServerMessage) -> Result<(), Ending> {
-        self.inbound.picks_in_flight = self.inbound.picks_in_flight.saturating_sub(1);
+        self.inbound.points_in_flight = self.inbound.points_in_flight.saturating_sub(1);
         self.outbox.control(message)?;
         Ok(())
     }

@@ -13,9 +13,10 @@ use surfelcast_renderer::scene::Camera;
 use surfelcast_stream::Stage;
 use tokio::sync::mpsc;
 
-use crate::connection::{Connection, Ending, PICKS, push_bounded};
+use crate::connection::{Connection, Ending, push_bounded};
+use crate::points::PointQuestion;
 use crate::rate::TokenBucket;
-use crate::validate::{camera, within};
+use crate::validate::camera;
 
 /// Messages that are no messages, until the connection ends.
 const MAX_MALFORMED: u32 = 3;
@@ -44,7 +45,8 @@ pub(crate) struct Inbound {
     malformed: u32,
     log: VecDeque<Input>,
     last_still_at: Option<Duration>,
-    pub(crate) picks_in_flight: usize,
+    /// Points that the renderer is looking at.
+    pub(crate) points_in_flight: usize,
     pub(crate) late: Option<mpsc::Sender<ServerMessage>>,
 }
 
@@ -56,7 +58,7 @@ impl Inbound {
             malformed: 0,
             log: VecDeque::new(),
             last_still_at: None,
-            picks_in_flight: 0,
+            points_in_flight: 0,
             late: None,
         }
     }
@@ -97,12 +99,12 @@ fn is_after(a: u32, b: u32) -> bool {
 }
 
 /// Why a request was refused; the connection stays.
-struct Refusal {
-    code: &'static str,
-    detail: String,
+pub(crate) struct Refusal {
+    pub(crate) code: &'static str,
+    pub(crate) detail: String,
 }
 
-fn invalid(detail: String) -> Refusal {
+pub(crate) fn invalid(detail: String) -> Refusal {
     Refusal { code: "invalid_value", detail }
 }
 
@@ -154,8 +156,13 @@ impl Connection {
                 self.on_ack(&ack, now);
                 return Ok(());
             }
-            ClientMessage::Pick { view, x, y } => match self.on_pick(id, view, [x, y]) {
+            ClientMessage::Pick { view, x, y } => match self.on_point(PointQuestion::Pick, id, view, [x, y]) {
                 // Answered by `picked` when the renderer has looked.
+                Ok(()) => return Ok(()),
+                Err(refusal) => Err(refusal),
+            },
+            ClientMessage::Inspect { view, x, y } => match self.on_point(PointQuestion::Inspect, id, view, [x, y]) {
+                // Answered by `inspected`.
                 Ok(()) => return Ok(()),
                 Err(refusal) => Err(refusal),
             },
@@ -266,40 +273,9 @@ impl Connection {
             }
         }
     }
-
-    fn on_pick(&mut self, id: Option<u64>, view: u16, point: [f32; 2]) -> Result<(), Refusal> {
-        check_view(view)?;
-        within("x", point[0], 0.0, 1.0).map_err(invalid)?;
-        within("y", point[1], 0.0, 1.0).map_err(invalid)?;
-        let Some((camera, aspect)) = self.outbound.acked_view() else {
-            let detail = "pick: no frame was acknowledged yet, so there is no picture to point into";
-            return Err(Refusal { code: "no_frame", detail: detail.into() });
-        };
-        if self.inbound.picks_in_flight >= PICKS {
-            return Err(Refusal { code: "busy", detail: format!("pick: {PICKS} are being answered already") });
-        }
-        let Some(late) = self.inbound.late.clone() else { return Ok(()) };
-        self.inbound.picks_in_flight += 1;
-        let handle = self.state.handle().clone();
-        let session = self.member.live.key;
-        drop(tokio::spawn(async move {
-            let message = match handle.pick(session, camera, aspect, point).await {
-                Ok(picked) => {
-                    let (position, object) = picked.map(|p| (p.position.to_array(), p.object)).unzip();
-                    ServerMessage::Picked { re: id, position, object }
-                }
-                Err(error) => {
-                    ServerMessage::Error { re: id, code: "pick_failed".into(), detail: format!("pick: {error}") }
-                }
-            };
-            // The connection may be gone by now.
-            let _ = late.send(message).await;
-        }));
-        Ok(())
-    }
 }
 
-fn check_view(view: u16) -> Result<(), Refusal> {
+pub(crate) fn check_view(view: u16) -> Result<(), Refusal> {
     if view == VIEW {
         return Ok(());
     }

@@ -19,8 +19,8 @@
 //! ```
 //!
 //! Rooms: `guard` and `cors` (Host, Origin, headers), `listen` (sockets, timeouts), `router` (all routes), `scenes` and
-//! `scene_store`, `renders`, `render_request`, `surfel_request` and `jobs`, `socket` to `outbox` (one
-//! WebSocket), `sessions` and `lights` (what the views of a scene share).
+//! `scene_store`, `renders`, `render_request`, `surfel_request` and `jobs`, `socket` to `outbox` and `points` (one
+//! WebSocket), `sessions` and `lights` (what the views of a scene share), `outputs` (what a view can show).
 
 mod assets;
 mod blocking;
@@ -41,6 +41,8 @@ mod observe;
 mod openapi;
 mod outbound;
 mod outbox;
+mod outputs;
+mod points;
 mod problem;
 mod rate;
 mod render_request;

@@ -30,12 +30,26 @@ const RATE_LOG: usize = 256;
 /// Passes listed in `stats` at most.
 const MAX_PASSES: usize = 64;
 
+/// Camera and size of a picture that the client sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AckedView {
+    pub(crate) camera: Camera,
+    /// Size at which it is shown, pixels; at least 1.
+    pub(crate) size: [u32; 2],
+}
+
+impl AckedView {
+    /// Width over height.
+    pub(crate) fn aspect(&self) -> f64 {
+        f64::from(self.size[0]) / f64::from(self.size[1])
+    }
+}
+
 /// A frame on its way to the client.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
     seq: u32,
-    camera: Camera,
-    aspect: f64,
+    view: AckedView,
     /// When the input it answers arrived, if no earlier frame answered that.
     pub(crate) input_at: Option<Duration>,
     pub(crate) stage: Stage,
@@ -66,7 +80,7 @@ pub(crate) struct Outbound {
     moving_scale: Option<f32>,
     answered_seq: u32,
     shown: VecDeque<Shown>,
-    acked: Option<(Camera, f64)>,
+    acked: Option<AckedView>,
     sent_at: VecDeque<Duration>,
     last_stats_at: Option<Duration>,
     is_stats_due: bool,
@@ -81,8 +95,8 @@ impl Outbound {
         self.last_frame.clone()
     }
 
-    /// Camera and aspect of the picture the client sees.
-    pub(crate) fn acked_view(&self) -> Option<(Camera, f64)> {
+    /// The picture the client sees.
+    pub(crate) fn acked_view(&self) -> Option<AckedView> {
         self.acked
     }
 
@@ -90,7 +104,7 @@ impl Outbound {
     pub(crate) fn acknowledged(&mut self, seq: u32) -> Option<Shown> {
         let at = self.shown.iter().position(|shown| shown.seq == seq)?;
         let shown = self.shown.drain(..=at).next_back()?;
-        self.acked = Some((shown.camera, shown.aspect));
+        self.acked = Some(shown.view);
         Some(shown)
     }
 
@@ -262,8 +276,9 @@ impl Connection {
         if let Some(at) = input_at {
             metrics::histogram!("surfelcast_input_to_send_seconds").record(now.saturating_sub(at).as_secs_f64());
         }
-        let aspect = f64::from(frame.full_size[0].max(1)) / f64::from(frame.full_size[1].max(1));
-        let shown = Shown { seq, camera: self.camera_of(frame.input_seq), aspect, input_at, stage };
+        let size = frame.full_size.map(|side| side.max(1));
+        let view = AckedView { camera: self.camera_of(frame.input_seq), size };
+        let shown = Shown { seq, view, input_at, stage };
         push_bounded(&mut self.outbound.shown, shown, SHOWN_LOG);
         push_bounded(&mut self.outbound.sent_at, now, RATE_LOG);
         self.outbound.is_stats_due = true;

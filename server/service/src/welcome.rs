@@ -38,6 +38,7 @@ impl Connection {
             },
             limits: self.state.config().limits,
             techniques: status.techniques.iter().map(technique).collect(),
+            outputs: crate::outputs::offered(),
             cameras: scene.cameras.iter().map(named).collect(),
             center: (scene.origin + scene.bounds.center().as_dvec3()).to_array(),
             radius: f64::from(scene.bounds.radius()),

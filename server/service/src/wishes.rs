@@ -3,10 +3,11 @@
 use surfelcast_protocol::client::ViewSet;
 use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::settings::Codec;
-use surfelcast_renderer::ViewState;
 use surfelcast_renderer::scene::{Camera, Scene};
+use surfelcast_renderer::{Aov, ViewState};
 use surfelcast_stream::QualityLimits;
 
+use crate::outputs::live_by_name;
 use crate::validate::{Checked, EXPOSURE, view_size, within};
 
 /// Size of a view that has not said one.
@@ -25,6 +26,8 @@ pub(crate) struct Wishes {
     pub(crate) size: [u32; 2],
     pub(crate) exposure: f32,
     pub(crate) technique: String,
+    /// Shown instead of radiance.
+    pub(crate) aov: Option<Aov>,
     pub(crate) max_error: f32,
     pub(crate) max_samples: u32,
     pub(crate) quality: QualityLimits,
@@ -45,6 +48,7 @@ impl Default for Wishes {
             size: DEFAULT_SIZE,
             exposure: 1.0,
             technique: String::new(),
+            aov: None,
             max_error: DEFAULT_MAX_ERROR,
             max_samples: DEFAULT_MAX_SAMPLES,
             quality: QualityLimits::default(),
@@ -108,6 +112,9 @@ impl Wishes {
             }
             next.technique.clone_from(technique);
         }
+        if let Some(wish) = &set.aov {
+            next.aov = wish.as_deref().map(|name| live_by_name("aov", name)).transpose()?;
+        }
         if let Some(error) = set.max_error {
             next.max_error = within("max_error", error, f32::MIN_POSITIVE, 1.0)?;
         }
@@ -125,7 +132,7 @@ impl Wishes {
             size: self.size,
             exposure: self.exposure,
             technique: self.technique.clone(),
-            aov: None,
+            aov: self.aov,
             is_moving,
             is_paused: self.is_paused,
             max_scale: scale,
@@ -156,6 +163,23 @@ mod tests {
     }
 
     #[test]
+    fn outputs_come_and_go() {
+        let mut wishes = Wishes::default();
+        let mut say = |aov: Option<Option<&str>>| {
+            let set = ViewSet { aov: aov.map(|name| name.map(str::to_owned)), ..ViewSet::default() };
+            wishes.apply(&set, &Limits::default(), &["path"], &[]).expect("valid");
+            wishes.view_state(false, 1.0, 30.0, 0).aov
+        };
+        assert_eq!(say(None), None);
+        assert_eq!(say(Some(Some("depth"))), Some(Aov::Depth));
+        assert_eq!(say(None), Some(Aov::Depth), "absent fields stay");
+        assert_eq!(say(Some(None)), None, "null goes back to radiance");
+        for (name, aov) in crate::outputs::live() {
+            assert_eq!(say(Some(Some(name))), Some(aov));
+        }
+    }
+
+    #[test]
     fn each_field_is_checked_by_name() {
         let base = ViewSet::default;
         let bad = [
@@ -169,6 +193,8 @@ mod tests {
             (ViewSet { exposure: Some(f32::NAN), ..base() }, "exposure"),
             (ViewSet { exposure: Some(f32::INFINITY), ..base() }, "exposure"),
             (ViewSet { technique: Some("warp".into()), ..base() }, "technique"),
+            (ViewSet { aov: Some(Some("soul".into())), ..base() }, "aov"),
+            (ViewSet { aov: Some(Some("variance".into())), ..base() }, "aov"),
             (ViewSet { max_error: Some(0.0), ..base() }, "max_error"),
             (ViewSet { max_spp: Some(0), ..base() }, "max_spp"),
         ];

@@ -1,5 +1,5 @@
 /**
- * Control messages: JSON objects told apart by `t`. Mirrors `protocol/src/{client,server,settings,limits}.rs`.
+ * Control messages: JSON objects told apart by `t`. Mirrors `protocol/src/{client,server,settings,inspection,limits}.rs`.
  */
 
 import { boolean, list, number, object, optional, string } from './shape.js';
@@ -45,6 +45,7 @@ export const VERSION = 1;
  * @property {boolean} [paused]
  * @property {number} [exposure] linear factor
  * @property {string} [technique]
+ * @property {string | null} [aov] output shown instead of radiance; null goes back to radiance
  * @property {number} [max_error]
  * @property {number} [max_spp]
  * @property {number} [fps]
@@ -59,6 +60,7 @@ export const VERSION = 1;
  */
 
 /** @typedef {{ id: string, label: string, summary: string }} Technique */
+/** @typedef {{ id: string, label: string }} Output what a view can show instead of radiance */
 
 /**
  * @typedef {object} Welcome
@@ -68,6 +70,7 @@ export const VERSION = 1;
  * @property {{ id: string, scene: string, scene_name: string, scene_rev: number, epoch: number, triangle_count: number }} session
  * @property {Limits} limits
  * @property {Technique[]} techniques default first
+ * @property {Output[]} outputs none from servers that have none to offer
  * @property {NamedPose[]} cameras
  * @property {Vec3} center
  * @property {number} radius metres
@@ -100,9 +103,34 @@ export const VERSION = 1;
 /** @typedef {'draining' | 'device_lost' | 'restored' | 'quota'} NoticeKind */
 /** @typedef {{ t: 'notice', kind: NoticeKind, detail: string }} Notice */
 /** @typedef {{ t: 'picked', re?: number | null, position?: Vec3 | null, object?: string | null }} Picked */
+/**
+ * @typedef {object} Contribution one surfel's part in a point's light
+ * @property {number} id
+ * @property {number} share of the point's value; all add up to one
+ * @property {number} weight by distance and normal
+ * @property {number} visibility chance that it sees the point
+ * @property {Vec3} position world space, metres
+ * @property {Vec3} normal
+ * @property {number} radius metres
+ * @property {Vec3} direct B of sky and emission found directly
+ * @property {Vec3} indirect B of light that has bounced
+ * @property {number} ray_count
+ * @property {number} std_error of the luminance of B
+ */
+/**
+ * @typedef {object} Inspection what the surfel cache knows of a point
+ * @property {Vec3} position world space, metres
+ * @property {Vec3} normal towards the viewer
+ * @property {number} coverage sum of weights
+ * @property {number} trust sum of weights that also count visibility and rays
+ * @property {Vec3} direct B (irradiance over pi) of sky and emission found directly
+ * @property {Vec3} indirect B of light that has bounced
+ * @property {Contribution[]} contributions largest share first
+ */
+/** @typedef {{ t: 'inspected', re?: number | null, inspection?: Inspection | null }} Inspected */
 /** @typedef {{ t: 'error', re?: number | null, code: string, detail: string }} Refusal */
 /** @typedef {{ t: 'ok', re: number } | { t: 'ping', ts: number } | { t: 'pong', ts: number }} Housekeeping */
-/** @typedef {Welcome | LightsMessage | Stats | Notice | Picked | Refusal | Housekeeping} ServerMessage */
+/** @typedef {Welcome | LightsMessage | Stats | Notice | Picked | Inspected | Refusal | Housekeeping} ServerMessage */
 
 /** @typedef {{ codecs: Codec[], max_px?: number, dpr?: number, reduced_motion: boolean }} Caps */
 /**
@@ -114,6 +142,7 @@ export const VERSION = 1;
  *   | { t: 'ack', view: number, seq: number, decode_us: number, present_ms: number, dropped: number, queue: number }
  *   | { t: 'still', view: number }
  *   | { t: 'pick', view: number, x: number, y: number }
+ *   | { t: 'inspect', view: number, x: number, y: number }
  *   | { t: 'ping', ts: number }
  *   | { t: 'pong', ts: number }
  * )} ClientMessage
@@ -132,6 +161,19 @@ const light = object({
   cone_deg: optional(list(number, 2)),
 });
 
+const lightThere = { position: vec3, normal: vec3, direct: vec3, indirect: vec3 };
+const contribution = object({
+  id: number,
+  share: number,
+  weight: number,
+  visibility: number,
+  radius: number,
+  ray_count: number,
+  std_error: number,
+  ...lightThere,
+});
+const inspection = object({ coverage: number, trust: number, contributions: list(contribution), ...lightThere });
+
 /** @type {Record<string, import('./shape.js').Shape>} */
 const SHAPES = {
   welcome: object({
@@ -140,6 +182,7 @@ const SHAPES = {
     session: object({ id: string, scene: string, scene_name: string, scene_rev: number, triangle_count: number }),
     limits: object({ inputs_per_sec: number, max_side: number, max_pixels: number, max_lights: number }),
     techniques: list(object({ id: string, label: string, summary: string })),
+    outputs: optional(list(object({ id: string, label: string }))),
     cameras: list(object({ name: string, pose, exposure: number })),
     center: vec3,
     radius: number,
@@ -167,6 +210,7 @@ const SHAPES = {
   }),
   notice: object({ kind: string, detail: string }),
   picked: object({ re: optional(number), position: optional(vec3), object: optional(string) }),
+  inspected: object({ re: optional(number), inspection: optional(inspection) }),
   error: object({ code: string, detail: string }),
   ok: object({ re: number }),
   ping: object({ ts: number }),
@@ -177,7 +221,7 @@ const SHAPES = {
 export const SERVER_TYPES = Object.freeze(Object.keys(SHAPES));
 
 /** Types of message that this client sends. */
-export const CLIENT_TYPES = Object.freeze(['hello', 'camera', 'light', 'view.set', 'ack', 'still', 'pick', 'ping', 'pong']);
+export const CLIENT_TYPES = Object.freeze(['hello', 'camera', 'light', 'view.set', 'ack', 'still', 'pick', 'inspect', 'ping', 'pong']);
 
 /** Why a text message was not understood. */
 export class MessageError extends Error {
@@ -203,6 +247,7 @@ export function parseServerMessage(text) {
   if (!shape) return undefined;
   const wrong = shape(value, type);
   if (wrong) throw new MessageError(wrong);
+  if (type === 'welcome') value.outputs ??= [];
   if (type === 'lights') for (const entry of value.lights) entry.enabled ??= true;
   return value;
 }

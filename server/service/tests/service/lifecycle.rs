@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 use serde_json::json;
-use surfelcast_renderer::{DeviceState, RendererError};
+use surfelcast_renderer::{Aov, DeviceState, RendererError};
 
 use crate::fake::{Manners, Told};
 use crate::support::{Got, Service};
@@ -49,6 +49,7 @@ async fn a_view_can_be_taken_up_again() {
     let service = Service::with(Manners::default(), |c| c.timeouts.reconnect = Duration::ZERO).await;
     let mut client = service.client().await;
     client.small().await;
+    client.send(json!({"t": "view.set", "aov": "normal"})).await;
     client.look_from(6.0, "end").await;
     client.until_final().await;
     let token = client.welcome["resume_token"].clone();
@@ -61,6 +62,7 @@ async fn a_view_can_be_taken_up_again() {
     assert_eq!(client.close_code().await, 4409, "the old connection is superseded");
     let (header, _) = second.frame().await;
     assert_eq!(header.full_size, [64, 48], "the view stands where it stood");
+    assert_eq!(service.fake.count(|t| *t == Told::Shows(Some(Aov::Normal))), 2, "and shows what it showed");
     second.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
     assert_eq!(second.text("picked").await["position"][0], 6.0);
     // A used token is worth nothing; the client simply starts anew.

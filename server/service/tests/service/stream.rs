@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde_json::json;
 use surfelcast_protocol::frame::flags;
 use surfelcast_protocol::settings::Codec;
+use surfelcast_renderer::{Aov, Contribution, Inspection};
 
 use crate::fake::{Manners, Told};
 use crate::support::{Got, Service};
@@ -139,6 +140,119 @@ async fn picks_answer_for_the_picture_that_was_seen() {
     assert_eq!(picked["object"], "box");
     client.send(json!({"id": 3, "t": "pick", "x": 1.5, "y": 0.5})).await;
     assert_eq!(client.text("error").await["re"], 3);
+}
+
+#[tokio::test]
+async fn inspections_answer_for_the_picture_that_was_seen() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    let ask = |id: u64, x: f64, y: f64| json!({"id": id, "t": "inspect", "view": 0, "x": x, "y": y});
+    client.send(ask(1, 0.5, 0.5)).await;
+    assert_eq!(client.text("error").await["code"], "no_frame");
+    client.small().await;
+    client.until_final().await;
+    client.look_from(3.0, "end").await;
+    client.until_final().await;
+    // The camera moves on, but no frame of it is acknowledged yet.
+    client.look_from(8.0, "end").await;
+    client.send(ask(2, 0.25, 0.75)).await;
+    let answer = client.text("inspected").await;
+    assert_eq!((answer["re"].as_u64(), answer["inspection"]["position"][0].as_f64()), (Some(2), Some(3.0)));
+    assert_eq!(answer["inspection"]["coverage"], 1.5);
+    assert_eq!(answer["inspection"]["contributions"][0]["id"], 7);
+    assert!(service.fake.told().contains(&Told::Inspect { size: [64, 48], point: [0.25, 0.75] }));
+    for (message, field) in [(ask(3, 0.5, -0.1), "y"), (ask(3, 2.0, 0.5), "x")] {
+        client.send(message).await;
+        let error = client.text("error").await;
+        assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(3), Some("invalid_value")));
+        assert!(error["detail"].as_str().expect("text").starts_with(field), "{error}");
+    }
+    client.send(json!({"id": 4, "t": "inspect", "view": 1, "x": 0.5, "y": 0.5})).await;
+    assert_eq!(client.text("error").await["code"], "unknown_view");
+}
+
+#[tokio::test]
+async fn points_without_surfels_are_null_and_broken_numbers_are_named() {
+    let broken = Contribution { id: 9, std_error: f32::NAN, ..Contribution::default() };
+    let broken = Inspection { contributions: vec![broken], ..Inspection::default() };
+    for inspection in [None, Some(broken)] {
+        let service = Service::with(Manners { inspection, ..Manners::default() }, |_| {}).await;
+        let mut client = service.client().await;
+        client.small().await;
+        client.until_final().await;
+        client.send(json!({"id": 5, "t": "inspect", "x": 0.5, "y": 0.5})).await;
+        let answer = loop {
+            match client.next().await {
+                Got::Text(value) if value["re"] == 5 => break value,
+                Got::Closed(_) | Got::Broken => panic!("the connection stays"),
+                _ => {}
+            }
+        };
+        if answer["t"] == "inspected" {
+            assert!(answer.get("inspection").is_some_and(serde_json::Value::is_null), "{answer}");
+        } else {
+            let detail = "inspect: std_error of surfel 9 is not a finite number";
+            assert_eq!((answer["code"].as_str(), answer["detail"].as_str()), (Some("inspect_failed"), Some(detail)));
+        }
+    }
+}
+
+#[tokio::test]
+async fn points_looked_at_are_bounded() {
+    let service = Service::with(Manners { point_time: QUIET, ..Manners::default() }, |_| {}).await;
+    let mut client = service.client().await;
+    client.small().await;
+    client.until_final().await;
+    for id in 1..=6 {
+        client.send(json!({"id": id, "t": "inspect", "x": 0.5, "y": 0.5})).await;
+    }
+    for id in [5, 6] {
+        let error = client.text("error").await;
+        assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(id), Some("busy")));
+    }
+    for id in 1..=4 {
+        assert_eq!(client.text("inspected").await["re"], id);
+    }
+    client.send(json!({"id": 7, "t": "inspect", "x": 0.5, "y": 0.5})).await;
+    assert_eq!(client.text("inspected").await["re"], 7, "there is room again");
+}
+
+#[tokio::test]
+async fn views_show_outputs_and_go_back_to_radiance() {
+    let service = Service::start().await;
+    let mut client = service.client().await;
+    let offered: Vec<String> = client.welcome["outputs"]
+        .as_array()
+        .expect("outputs")
+        .iter()
+        .map(|output| {
+            assert!(!output["label"].as_str().expect("a label").is_empty());
+            output["id"].as_str().expect("an id").to_owned()
+        })
+        .collect();
+    let live: Vec<&str> = Aov::ALL.iter().filter(|(_, aov)| aov.is_live()).map(|(name, _)| *name).collect();
+    assert_eq!(offered, live);
+    client.small().await;
+    client.until_final().await;
+    for bad in ["variance", "soul", ""] {
+        client.send(json!({"id": 1, "t": "view.set", "aov": bad})).await;
+        let error = client.text("error").await;
+        assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(1), Some("invalid_value")));
+        assert!(error["detail"].as_str().expect("text").starts_with("aov: "), "{error}");
+    }
+    client.send(json!({"id": 2, "t": "view.set", "aov": 7})).await;
+    let error = client.text("error").await;
+    assert!(error["detail"].as_str().expect("text").contains("aov: expected"), "{error}");
+    client.send(json!({"id": 3, "t": "view.set", "aov": "surfel_coverage"})).await;
+    assert_eq!(client.text("ok").await["re"], 3);
+    client.until_final().await;
+    // Another wish leaves the output as it is.
+    client.send(json!({"id": 4, "t": "view.set", "exposure": 2.0})).await;
+    client.until_final().await;
+    client.send(json!({"id": 5, "t": "view.set", "aov": null})).await;
+    client.until_final().await;
+    let shown: Vec<Told> = service.fake.told().into_iter().filter(|told| matches!(told, Told::Shows(_))).collect();
+    assert_eq!(shown, [Told::Shows(Aov::by_name("surfel_coverage")), Told::Shows(None)]);
 }
 
 #[tokio::test]
