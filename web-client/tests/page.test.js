@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { auditedError, bytes, field, milliseconds, reasonText, resolutionText } from '../src/page/format.js';
+import { auditedError, bytes, field, metres, milliseconds, percent, reasonText, resolutionText, significant } from '../src/page/format.js';
 import { colorOf, directionOf, evOf, factorOf, hexOf, logScale, skyAngles } from '../src/page/quantities.js';
 import { problemText, streamPath } from '../src/page/scene-service.js';
 
@@ -14,6 +14,12 @@ test('numbers read well at every size', () => {
   assert.deepEqual([0, 999, 1234, 56_789, 1_234_567, 98_765_432].map(bytes), ['0 B', '999 B', '1.2 kB', '57 kB', '1.2 MB', '99 MB']);
   assert.deepEqual([0.04, 9.94, 123.4].map(milliseconds), ['0.0 ms', '9.9 ms', '123 ms']);
   assert.deepEqual([0, 1, 1.23456789, 25, 1e-7, 1.5e9].map(field), ['0', '1', '1.2346', '25', '1.000e-7', '1.500e+9']);
+});
+
+test('what the inspector shows is short and keeps its size', () => {
+  assert.deepEqual([0, 0.012345, -1.23456, 123.456, 98_765.4, 1.5e7, 2e-6].map((value) => significant(value, 3)), ['0', '0.0123', '-1.23', '123', '98765', '1.50e+7', '2.00e-6']);
+  assert.deepEqual([0, 0.0004, 0.0321, 0.0994, 0.1, 0.754, 1].map(percent), ['0 %', '0.0 %', '3.2 %', '9.9 %', '10 %', '75 %', '100 %']);
+  assert.deepEqual([12.345, 1, 0.625, 0.0124, 0.0021, 0].map(metres), ['12.3 m', '1.00 m', '63 cm', '1.2 cm', '2.1 mm', '0 mm']);
 });
 
 test('a soft picture has its reason', () => {

@@ -16,6 +16,27 @@ export function bytes(value) {
 export const milliseconds = (value) => (value < 10 ? `${value.toFixed(1)} ms` : `${count(value)} ms`);
 
 /**
+ * A number with as many digits as are worth reading, without an exponent where it can be helped.
+ * @param {number} value
+ * @param {number} digits
+ */
+export function significant(value, digits) {
+  if (value === 0) return '0';
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1);
+  return size >= 10 ** digits ? value.toFixed(0) : value.toPrecision(digits);
+}
+
+/** @param {number} share in [0, 1] */
+export const percent = (share) => `${share === 0 || share >= 0.0995 ? Math.round(share * 100) : (share * 100).toFixed(1)} %`;
+
+/** @param {number} length metres */
+export function metres(length) {
+  if (length >= 1) return `${significant(length, 3)} m`;
+  return length >= 0.01 ? `${significant(length * 100, 2)} cm` : `${significant(length * 1000, 2)} mm`;
+}
+
+/**
  * An audited error: both numbers with as many digits as the uncertainty has meaning.
  * @param {{ rmse: number, std_error: number }} error
  */

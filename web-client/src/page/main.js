@@ -5,6 +5,7 @@
 import '../view/surfelcast-view.js';
 import { byId } from './dom.js';
 import { Hud } from './hud.js';
+import { InspectorPanel } from './inspector-panel.js';
 import { LightsPanel } from './lights-panel.js';
 import { ScenePanel } from './scene-panel.js';
 import { StatsPanel } from './stats-panel.js';
@@ -35,7 +36,8 @@ const scenes = new ScenePanel(
     view.src = path;
   },
 );
-wireTabs(byId('sheet'));
+const openPanel = wireTabs(byId('sheet'));
+const inspector = new InspectorPanel(byId('panel-inspect'), view, { toasts, reveal: () => openPanel('view') });
 
 /**
  * Listens to an event of the view.
@@ -53,6 +55,7 @@ on('welcome', (/** @type {import('../protocol/messages.js').Welcome} */ welcome)
     sceneShown = welcome.session.id;
     lightsPanel.clear();
     hud.clear();
+    inspector.clear();
   }
   document.title = `${welcome.session.scene_name} · surfelcast`;
   viewPanel.update(welcome);
@@ -67,6 +70,11 @@ on('stats', (/** @type {import('../protocol/messages.js').Stats} */ stats) => {
   hud.stats(stats);
   statsPanel.stats(stats);
 });
+on('inspecting', (/** @type {{ on: boolean, waiting: boolean }} */ mode) => {
+  viewPanel.inspecting(mode.on);
+  inspector.mode(mode);
+});
+on('inspected', (/** @type {import('../view/surfelcast-view.js').Answer} */ answer) => inspector.show(answer));
 on('pose', (/** @type {{ resting: boolean }} */ { resting }) => hud.moving(!resting));
 on('refused', (/** @type {import('../protocol/messages.js').Refusal} */ refusal) => toasts.show(refusal.detail, 'error'));
 on('state', (/** @type {import('../connection/connection.js').ConnectionState} */ state) => {

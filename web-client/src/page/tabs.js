@@ -5,6 +5,7 @@
 
 /**
  * @param {HTMLElement} sheet with `[data-tab]` buttons and `[data-panel]` sections
+ * @returns {(name: string) => void} opens a panel where there are tabs
  */
 export function wireTabs(sheet) {
   /** @type {NodeListOf<HTMLButtonElement>} */
@@ -29,4 +30,7 @@ export function wireTabs(sheet) {
     }
   });
   open('');
+  return (name) => {
+    if (tabs[0]?.checkVisibility()) open(name);
+  };
 }

@@ -1,10 +1,14 @@
 /**
- * How the view is rendered and where it stands: technique, exposure, resolution, viewpoints, import warnings.
+ * How the view is rendered, what it shows and where it stands: technique, output, exposure, resolution, viewpoints,
+ * import warnings.
  */
 
 import { h } from './dom.js';
 import { choice, slider } from './fields.js';
 import { evOf, factorOf } from './quantities.js';
+
+/** The choice that is no output. */
+const RADIANCE = { value: '', label: 'Radiance' };
 
 const RESOLUTIONS = [
   { value: '1', label: 'Full' },
@@ -28,6 +32,16 @@ export class ViewPanel {
       },
     });
     this.summary = h('p', { className: 'hint' });
+    this.output = choice({ label: 'Show', changed: (id) => view.setView({ aov: id || null }) });
+    this.inspect = h('button', {
+      type: 'button',
+      textContent: 'Inspect',
+      'aria-pressed': 'false',
+      title: 'Click a point of the picture to see which surfels light it',
+      onclick: () => {
+        view.inspecting = !view.inspecting;
+      },
+    });
     this.exposure = slider({
       label: 'Exposure',
       unit: 'EV',
@@ -43,6 +57,8 @@ export class ViewPanel {
     host.append(
       this.technique.element,
       this.summary,
+      this.output.element,
+      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Surfels'), this.inspect),
       this.exposure.element,
       this.resolution.element,
       h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Viewpoints'), this.viewpoints),
@@ -58,6 +74,8 @@ export class ViewPanel {
       this.view.technique ?? welcome.techniques[0]?.id ?? '',
     );
     this.#describe();
+    const outputs = welcome.outputs.map(({ id, label }) => ({ value: id, label }));
+    this.output.set([RADIANCE, ...outputs], this.view.output ?? RADIANCE.value);
     this.exposure.set(evOf(this.view.exposure));
     const { rig } = this.view;
     /** @param {string} key @param {string} name @param {() => void} go */
@@ -68,6 +86,11 @@ export class ViewPanel {
       ...welcome.cameras.slice(0, 9).map(({ name }, index) => button(String(index + 1), name, () => rig.goToPreset(index + 1))),
     );
     this.#warn(welcome.warnings);
+  }
+
+  /** @param {boolean} on whether the inspect mode is */
+  inspecting(on) {
+    this.inspect.ariaPressed = String(on);
   }
 
   #describe() {

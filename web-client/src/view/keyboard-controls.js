@@ -1,5 +1,5 @@
 /**
- * The keyboard: arrows orbit (with Shift pan), + and - dolly, Home and digits go to viewpoints, F flies.
+ * The keyboard: arrows orbit (with Shift pan), + and - dolly, Home and digits go to viewpoints, F flies, Enter inspects.
  */
 
 import { dolly, orbit, pan } from './camera.js';
@@ -16,9 +16,11 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowD
  * @param {object} options
  * @param {import('./rig.js').Rig} options.rig
  * @param {import('./flight.js').Flight} options.flight
+ * @param {import('./inspect-mode.js').InspectMode} options.inspect
+ * @param {() => void} options.leaveInspect ends that mode
  * @param {AbortSignal} options.signal ends all listening
  */
-export function listenToKeyboard(element, { rig, flight, signal }) {
+export function listenToKeyboard(element, { rig, flight, inspect, leaveInspect, signal }) {
   element.addEventListener(
     'keydown',
     (event) => {
@@ -63,9 +65,14 @@ export function listenToKeyboard(element, { rig, flight, signal }) {
       case 'F':
         if (!event.repeat) flight.setMode(!flight.mode);
         return true;
+      case 'Enter':
+        if (!inspect.on) return false;
+        if (!event.repeat) inspect.ask({ x: 0.5, y: 0.5 });
+        return true;
       case 'Escape':
-        if (!flight.mode) return false;
-        flight.setMode(false);
+        if (flight.mode) flight.setMode(false);
+        else if (inspect.on) leaveInspect();
+        else return false;
         return true;
       default:
         return false;

@@ -1,6 +1,6 @@
 /**
  * Mouse, pen and touch. Left drag or one finger orbits; right, middle, Ctrl, Shift or two fingers pan; wheel and pinch
- * dolly; double click or double tap asks what is there. Follows three.js OrbitControls and DCC habits (Alt + left orbits).
+ * dolly; double click or double tap asks what is there, unless a single one means something. Follows three.js OrbitControls and DCC habits (Alt + left orbits).
  */
 
 import { dolly, look, orbit, pan } from './camera.js';
@@ -36,13 +36,15 @@ export class PointerControls {
    * @param {object} options
    * @param {import('./rig.js').Rig} options.rig
    * @param {import('./flight.js').Flight} options.flight
-   * @param {(x: number, y: number) => void} options.pick place in the canvas, CSS pixels
+   * @param {(x: number, y: number) => boolean} options.tap place in the canvas, CSS pixels; false where it means nothing
+   * @param {(x: number, y: number) => void} options.pick likewise, of a double tap
    * @param {AbortSignal} options.signal ends all listening
    */
-  constructor(canvas, { rig, flight, pick, signal }) {
+  constructor(canvas, { rig, flight, tap, pick, signal }) {
     this.canvas = canvas;
     this.rig = rig;
     this.flight = flight;
+    this.tap = tap;
     this.pick = pick;
     canvas.addEventListener('pointerdown', (event) => this.#onDown(event), { signal });
     canvas.addEventListener('pointermove', (event) => this.#onMove(event), { signal });
@@ -145,11 +147,13 @@ export class PointerControls {
     const pressed = this.#pressed;
     if (!pressed || event.timeStamp - pressed.at > TAP_MS) return;
     if (Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > TAP_PX) return;
+    const box = this.canvas.getBoundingClientRect();
     const before = this.#tapped;
     const tap = { at: event.timeStamp, x: event.clientX, y: event.clientY };
-    if (before && tap.at - before.at < DOUBLE_TAP_MS && Math.hypot(tap.x - before.x, tap.y - before.y) < DOUBLE_TAP_PX) {
+    if (this.tap(tap.x - box.left, tap.y - box.top)) {
       this.#tapped = undefined;
-      const box = this.canvas.getBoundingClientRect();
+    } else if (before && tap.at - before.at < DOUBLE_TAP_MS && Math.hypot(tap.x - before.x, tap.y - before.y) < DOUBLE_TAP_PX) {
+      this.#tapped = undefined;
       this.pick(tap.x - box.left, tap.y - box.top);
     } else {
       this.#tapped = tap;

@@ -2,9 +2,10 @@
  * `<surfelcast-view src="/v1/sessions/ID/stream">`: one view of a session. Works alone on any page.
  *
  * Attributes: `src` (stream path or address), `max-spp` (stop refining at this many samples a pixel),
- * `resolution` (factor on the picture's size, 0.1 to 1).
+ * `resolution` (factor on the picture's size, 0.1 to 1), `inspecting` (a click asks which surfels light a point).
  * Events, all with `detail`: `welcome`, `lights`, `stats`, `notice`, `refused` (messages of the server as they came),
- * `state` (connection), `frame` (header of the picture just shown), `pose` ({ pose, resting }).
+ * `state` (connection), `frame` (header of the picture just shown), `pose` ({ pose, resting }), `inspecting` ({ on,
+ * waiting }), `inspected` (an `Answer`).
  */
 
 import { Connection } from '../connection/connection.js';
@@ -16,6 +17,7 @@ import { decodableCodecs, missingFeatures, prefersReducedMotion } from './capabi
 import { CanvasPresenter } from './canvas-presenter.js';
 import { Flight } from './flight.js';
 import { FrameQueue } from './frame-queue.js';
+import { InspectMode, marking } from './inspect-mode.js';
 import { listenToKeyboard } from './keyboard-controls.js';
 import { InputToPhoton } from './latency.js';
 import { PointerControls } from './pointer-controls.js';
@@ -32,9 +34,10 @@ const VIEW = 0;
 
 /** @typedef {import('../protocol/messages.js').ServerMessage} ServerMessage */
 /** @typedef {import('../protocol/messages.js').ViewSettings} ViewSettings */
+/** @typedef {{ inspection?: import('../protocol/messages.js').Inspection | null, refusal?: string }} Answer to an inspected point */
 
 export class SurfelcastView extends HTMLElement {
-  static observedAttributes = ['src', 'max-spp', 'resolution'];
+  static observedAttributes = ['src', 'max-spp', 'resolution', 'inspecting'];
 
   /** @type {Connection | undefined} */
   #connection;
@@ -48,6 +51,8 @@ export class SurfelcastView extends HTMLElement {
   #scene = '';
   #inputSeq = 0;
   #requestId = 0;
+  /** Request whose answer the camera will go to. */
+  #pickId = 0;
   /** Whether the note on the card is about a picture that could not be read. */
   #unreadable = false;
   #area = { width: 0, height: 0 };
@@ -67,7 +72,7 @@ export class SurfelcastView extends HTMLElement {
     /** The canvas on which the picture is drawn. */
     this.canvas = /** @type {HTMLCanvasElement} */ (part('canvas'));
     this.direction = part('.direction');
-    this.modeHint = part('.mode');
+    this.modeHint = part('.flying');
     this.action = /** @type {HTMLButtonElement} */ (part('button'));
     this.card = new StatusCard({
       card: part('.card'),
@@ -94,6 +99,12 @@ export class SurfelcastView extends HTMLElement {
       reducedMotion: prefersReducedMotion,
     });
     this.flight = new Flight(this.rig, (on) => this.#flyModeChanged(on));
+    /** What a click means while `inspecting`. */
+    this.inspectMode = new InspectMode({
+      send: ({ x, y }) => this.#ask('inspect', x, y),
+      changed: (mode) => this.#tell('inspecting', mode),
+      mark: marking(part('.marker')),
+    });
   }
 
   /** Stream path or address. */
@@ -125,11 +136,26 @@ export class SurfelcastView extends HTMLElement {
     return this.#wishes.technique;
   }
 
+  /** Output wished for instead of radiance. */
+  get output() {
+    return this.#wishes.aov ?? undefined;
+  }
+
+  /** Whether a click asks what lights the point under it. */
+  get inspecting() {
+    return this.hasAttribute('inspecting');
+  }
+
+  set inspecting(on) {
+    this.toggleAttribute('inspecting', on);
+  }
+
   connectedCallback() {
     this.#listening = new AbortController();
     const { signal } = this.#listening;
-    new PointerControls(this.canvas, { rig: this.rig, flight: this.flight, pick: (x, y) => this.#pick(x, y), signal });
-    listenToKeyboard(this.canvas, { rig: this.rig, flight: this.flight, signal });
+    const { rig, flight, inspectMode: inspect } = this;
+    new PointerControls(this.canvas, { rig, flight, tap: (x, y) => this.#tap(x, y), pick: (x, y) => this.#pick(x, y), signal });
+    listenToKeyboard(this.canvas, { rig, flight, inspect, leaveInspect: () => this.removeAttribute('inspecting'), signal });
     this.#unwatchSize = watchSize(this, (area) => {
       this.#area = area;
       this.#sendSize();
@@ -162,6 +188,8 @@ export class SurfelcastView extends HTMLElement {
       if (Number.isInteger(limit) && limit > 0) this.setView({ max_spp: limit });
     } else if (name === 'resolution') {
       this.#sendSize();
+    } else if (name === 'inspecting') {
+      this.inspectMode.set(after !== null);
     } else if (this.isConnected) {
       void this.#open();
     }
@@ -183,6 +211,15 @@ export class SurfelcastView extends HTMLElement {
    */
   editLights(patch, phase) {
     this.#sendInput({ t: 'light', patch, phase });
+  }
+
+  /**
+   * Asks which surfels light a point, while `inspecting`; `inspected` follows.
+   * @param {number} x 0 (left) to 1
+   * @param {number} y 0 (top) to 1
+   */
+  inspect(x, y) {
+    this.inspectMode.ask({ x, y });
   }
 
   /** Asks for a finished picture of the present state now. */
@@ -250,6 +287,7 @@ export class SurfelcastView extends HTMLElement {
     this.frames.reset();
     this.#latency.forgetWaiting();
     this.rig.abandon();
+    this.inspectMode.lost();
   }
 
   #act() {
@@ -263,6 +301,7 @@ export class SurfelcastView extends HTMLElement {
     if (state.kind !== 'live') {
       this.frames.reset();
       this.#latency.forgetWaiting();
+      this.inspectMode.lost();
     }
     this.card.setState(state);
     this.#tell('state', state);
@@ -275,14 +314,20 @@ export class SurfelcastView extends HTMLElement {
         this.#greet(message);
         break;
       case 'picked':
-        if (message.position && message.re === this.#requestId) this.rig.goTo(focus(this.rig.pose, message.position));
+        if (message.position && message.re === this.#pickId) this.rig.goTo(focus(this.rig.pose, message.position));
+        break;
+      case 'inspected':
+        if (this.inspectMode.answered(message.re) === 'newest') this.#tell('inspected', { inspection: message.inspection ?? null });
         break;
       case 'notice':
         this.#notice(message);
         break;
-      case 'error':
-        this.#tell('refused', message);
+      case 'error': {
+        const question = this.inspectMode.answered(message.re);
+        if (question === 'newest') this.#tell('inspected', { refusal: message.detail });
+        else if (question === 'other') this.#tell('refused', message);
         break;
+      }
       case 'lights':
       case 'stats':
         this.#tell(message.t, message);
@@ -302,6 +347,7 @@ export class SurfelcastView extends HTMLElement {
       this.#wishes.exposure = welcome.cameras[0]?.exposure ?? 1;
       // What one server offers another may not.
       if (!welcome.techniques.some(({ id }) => id === this.#wishes.technique)) delete this.#wishes.technique;
+      if (!welcome.outputs.some(({ id }) => id === this.#wishes.aov)) delete this.#wishes.aov;
     }
     this.#connection?.send({ t: 'view.set', view: VIEW, ...this.#size(), ...this.#wishes, paused: document.hidden });
     this.#sendInput({ t: 'camera', view: VIEW, pose: this.rig.pose, phase: 'end' });
@@ -364,9 +410,30 @@ export class SurfelcastView extends HTMLElement {
    * @param {number} y CSS pixels in the canvas
    */
   #pick(x, y) {
-    this.#requestId += 1;
     const { clientWidth, clientHeight } = this.canvas;
-    this.#connection?.send({ t: 'pick', id: this.#requestId, view: VIEW, x: x / clientWidth, y: y / clientHeight });
+    this.#pickId = this.#ask('pick', x / clientWidth, y / clientHeight) ?? 0;
+  }
+
+  /**
+   * @param {number} x CSS pixels in the canvas
+   * @param {number} y CSS pixels in the canvas
+   * @returns {boolean} whether the tap was for the inspector
+   */
+  #tap(x, y) {
+    if (this.inspecting) this.inspect(x / this.canvas.clientWidth, y / this.canvas.clientHeight);
+    return this.inspecting;
+  }
+
+  /**
+   * Asks about a point of the picture.
+   * @param {'pick' | 'inspect'} t
+   * @param {number} x
+   * @param {number} y
+   * @returns {number | undefined} id of the request; nothing when nobody hears it
+   */
+  #ask(t, x, y) {
+    this.#requestId += 1;
+    return this.#connection?.send({ t, id: this.#requestId, view: VIEW, x, y }) ? this.#requestId : undefined;
   }
 
   #size() {
@@ -390,6 +457,7 @@ export class SurfelcastView extends HTMLElement {
    * @param {boolean} resting
    */
   #poseChanged(pose, resting) {
+    this.inspectMode.moved();
     if (resting) {
       const text = `Rendered view of ${this.#welcome?.session.scene_name ?? 'the scene'}, seen from ${spokenDirection(pose)}`;
       this.canvas.setAttribute('aria-label', text);

@@ -7,7 +7,9 @@ template.innerHTML = `
   <canvas part="canvas" tabindex="0" role="application" aria-roledescription="3D view" aria-describedby="help"></canvas>
   <p id="help" class="unseen">Arrow keys orbit, Shift and arrows pan, plus and minus move closer and away, Home returns to
     the first viewpoint, digits go to viewpoints, F flies with W A S D Q E.</p>
-  <div class="mode" part="mode" hidden>Flying: <kbd>W</kbd><kbd>A</kbd><kbd>S</kbd><kbd>D</kbd> move, <kbd>Q</kbd><kbd>E</kbd> down and up, <kbd>F</kbd> ends</div>
+  <i class="marker" part="marker" hidden></i>
+  <div class="mode inspecting" part="mode">Inspecting: choose a point<span class="keys">, <kbd>Enter</kbd> the middle, <kbd>Esc</kbd> ends</span></div>
+  <div class="mode flying" part="mode" hidden>Flying: <kbd>W</kbd><kbd>A</kbd><kbd>S</kbd><kbd>D</kbd> move, <kbd>Q</kbd><kbd>E</kbd> down and up, <kbd>F</kbd> ends</div>
   <div class="card" part="status" hidden>
     <div class="words"><strong></strong><span></span></div>
     <button type="button" hidden></button>
@@ -29,6 +31,11 @@ sheet.replaceSync(`
     touch-action: none; user-select: none; -webkit-user-select: none; outline: none; cursor: grab;
   }
   canvas:active { cursor: grabbing; }
+  :host([inspecting]) canvas { cursor: crosshair; }
+  .marker {
+    position: absolute; width: 15px; height: 15px; margin: -9.5px; border: 2px solid #fff; border-radius: 50%;
+    box-shadow: 0 0 0 1px #000, inset 0 0 0 1px #000; pointer-events: none;
+  }
   canvas:focus-visible { outline: 2px solid #6cb6ff; outline-offset: -2px; }
   .card {
     position: absolute; left: 50%; bottom: 56px; transform: translateX(-50%);
@@ -38,7 +45,7 @@ sheet.replaceSync(`
     box-shadow: 0 8px 28px rgb(0 0 0 / .35);
   }
   .card.centred { bottom: auto; top: 50%; transform: translate(-50%, -50%); }
-  .card[hidden], .mode[hidden], button[hidden] { display: none; }
+  .card[hidden], .mode[hidden], .marker[hidden], button[hidden] { display: none; }
   .words { display: grid; gap: 2px; }
   .words strong { font-weight: 600; }
   .words span { color: #b9bec7; font-variant-numeric: tabular-nums; }
@@ -53,6 +60,8 @@ sheet.replaceSync(`
     padding: 6px 12px; border-radius: 999px; background: rgb(24 26 30 / .88); border: 1px solid rgb(255 255 255 / .12);
     font-size: 12px; color: #d5d9e0; pointer-events: none;
   }
+  :host(:not([inspecting])) .inspecting, .inspecting:has(~ .flying:not([hidden])) { display: none; }
+  @media (hover: none) and (pointer: coarse) { .keys { display: none; } }
   kbd {
     font: inherit; font-size: 11px; padding: 0 5px; margin: 0 1px; border-radius: 4px;
     border: 1px solid rgb(255 255 255 / .22); background: rgb(255 255 255 / .08);
