@@ -22,6 +22,27 @@ const LIMITS = {
   max_lights: 256,
 };
 
+/**
+ * A point lit by so many surfels.
+ * @param {number} count
+ */
+export function inspectionOf(count) {
+  const light = { direct: [0.5, 0.4, 0.3], indirect: [0.125, 0.1, 0.05] };
+  const contributions = Array.from({ length: count }, (_, i) => ({
+    id: 120_000 - 17 * i,
+    share: (2 * (count - i)) / (count * (count + 1)),
+    weight: 1 / (i + 1),
+    visibility: 1,
+    position: [0.25 + 0.01 * i, 0, -0.1],
+    normal: [0, 1, 0],
+    radius: 0.062 / (i + 1),
+    ray_count: 4096 / (i + 1),
+    std_error: 0.0021 * (i + 1),
+    ...light,
+  }));
+  return { position: [0.25, 0, -0.125], normal: [0, 1, 0], coverage: 1.25, trust: 0.75, contributions, ...light };
+}
+
 export class FakeServer {
   /** Every control message heard, in order. @type {any[]} */
   messages = [];
@@ -33,6 +54,12 @@ export class FakeServer {
   problem;
   /** Answer to uploads. @type {{ status: number, body: any } | undefined} */
   uploadAnswer;
+  /** What lights a point; null for nothing. @type {any} */
+  inspection = inspectionOf(24);
+  /** Refusal of inspections, instead. @type {{ code: string, detail: string } | undefined} */
+  inspectRefusal;
+  /** Inspections wait for `FakeSession.answerInspections` while true. */
+  holdInspections = false;
   /** Picture to show instead of the drawn one. @type {{ payload: Buffer, size: [number, number] } | undefined} */
   picture;
   session = 'session-1';
@@ -98,6 +125,10 @@ export class FakeServer {
       techniques: [
         { id: 'path', label: 'Path tracing', summary: 'Unbiased reference with multiple importance sampling.' },
         { id: 'surfel', label: 'Surfels', summary: 'Persistent cache of indirect light.' },
+      ],
+      outputs: [
+        { id: 'normal', label: 'Normal' },
+        { id: 'surfel_coverage', label: 'Surfels: coverage' },
       ],
       cameras: other ? [] : [
         { name: 'front', pose: pose([0, 1, 3.5]), exposure: 1 },

@@ -16,6 +16,10 @@ export class FakeSession {
   size = [0, 0];
   paused = false;
   exposure = 1;
+  /** Output shown instead of radiance. @type {string | null} */
+  aov = null;
+  /** Inspections to be answered. @type {any[]} */
+  held = [];
   pose = undefined;
   dirty = false;
   /** Rounds of refinement left: still, refined, final. */
@@ -56,6 +60,7 @@ export class FakeSession {
         if (message.w && message.h) this.size = [message.w, message.h];
         this.paused = message.paused ?? this.paused;
         this.exposure = message.exposure ?? this.exposure;
+        if (message.aov !== undefined) this.aov = message.aov;
         this.touch();
         break;
       case 'camera':
@@ -72,6 +77,10 @@ export class FakeSession {
       case 'pick':
         this.send({ t: 'picked', re: message.id, position: [0.25, 0.5, -0.1], object: 'tall box' });
         break;
+      case 'inspect':
+        this.held.push(message);
+        if (!this.server.holdInspections) this.answerInspections();
+        break;
       case 'ack':
         this.acked = message.seq;
         this.pump();
@@ -79,6 +88,13 @@ export class FakeSession {
       case 'ping':
         this.send({ t: 'pong', ts: message.ts, server_ms: performance.now() });
         break;
+    }
+  }
+
+  answerInspections() {
+    for (const { id } of this.held.splice(0)) {
+      if (this.server.inspectRefusal) this.send({ t: 'error', re: id, ...this.server.inspectRefusal });
+      else this.send({ t: 'inspected', re: id, inspection: this.server.inspection });
     }
   }
 
@@ -131,8 +147,9 @@ export class FakeSession {
     if (this.socket.readyState === 1) this.socket.send(encodeFrame(frame));
   }
 
-  /** A wall and a floor, tinted by where the camera is and how bright the lights are. */
+  /** A wall and a floor, tinted by where the camera is and how bright the lights are; green for any other output. */
   draw([width, height]) {
+    if (this.aov) return png(width, height, () => [20, 200, 40]);
     const [x, y, z] = this.pose?.eye ?? [0, 1, 3.5];
     const bright = Math.min(1, (0.4 + 0.2 * this.server.lights.lights.filter(({ enabled }) => enabled).length) * this.exposure);
     const azimuth = (Math.atan2(x, z) / Math.PI + 1) * 127;
