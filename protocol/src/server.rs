@@ -195,7 +195,7 @@ pub struct Stats {
     pub reason: String,
     /// Samples a pixel of the newest frame.
     pub samples: u32,
-    /// Audited error of the newest audited frame.
+    /// Audited error of the newest audited frame; none while the view shows another output than radiance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<ErrorInfo>,
     /// Whether refinement has ended and nothing more will be sent.

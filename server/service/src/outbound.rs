@@ -290,6 +290,9 @@ impl Connection {
         self.outbound.is_stats_due = false;
         self.outbound.last_stats_at = Some(now);
         let Some(frame) = self.outbound.last_frame.clone() else { return Ok(()) };
+        // The audit is of radiance; beside another output its number would be about a picture nobody sees.
+        let shows_radiance = self.wishes.lock().aov.is_none();
+        let error = self.outbound.last_error.filter(|_| shows_radiance);
         let (scale, reason) = moving_scale(self.outbound.moving_scale, &self.quality);
         let passes = frame.passes.iter().take(MAX_PASSES);
         let skipped = frame.skipped.iter().take(MAX_PASSES);
@@ -302,7 +305,7 @@ impl Connection {
             rtt_ms: self.window.round_trip_min().map_or(0.0, |time| time.as_secs_f32() * 1e3),
             reason: reason.into(),
             samples: frame.samples,
-            error: self.outbound.last_error.map(|e| ErrorInfo { rmse: e.rmse_tonemapped, std_error: e.std_error }),
+            error: error.map(|e| ErrorInfo { rmse: e.rmse_tonemapped, std_error: e.std_error }),
             converged: self.outbound.has_converged,
             passes: passes.map(|pass| PassInfo { name: pass.name.clone(), ms: pass.gpu_ms as f32 }).collect(),
             skipped: skipped.map(|s| SkippedInfo { name: s.name.clone(), reason: s.reason.clone() }).collect(),

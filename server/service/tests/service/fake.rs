@@ -42,6 +42,9 @@ pub(crate) enum Told {
     },
 }
 
+/// Audited error of every finished picture.
+const ERROR: ErrorEstimate = ErrorEstimate { rmse_tonemapped: 0.0125, rel_mse: 0.5, std_error: 0.001 };
+
 /// How the fake behaves.
 #[derive(Clone, Debug)]
 pub(crate) struct Manners {
@@ -243,7 +246,7 @@ impl Actor {
             input_seq: view.state.input_seq,
             scene_rev: self.revisions.get(&view.session).copied().unwrap_or(0),
             samples: view.samples.max(1),
-            error: None,
+            error: (kind == FrameKind::Final).then_some(ERROR),
             render_secs: 0.002,
             finished_at: Instant::now(),
             passes: Vec::new(),
@@ -299,7 +302,7 @@ fn output_of(job: &RenderJob) -> RenderOutput {
         pixels,
         size: job.size,
         samples: job.stop.samples.unwrap_or(16),
-        error: job.aov.is_none().then_some(ErrorEstimate { rmse_tonemapped: 0.0125, rel_mse: 0.5, std_error: 0.001 }),
+        error: job.aov.is_none().then_some(ERROR),
         rays: RayCounts::default(),
         render_secs: 0.25,
         setup_secs: 0.0,

@@ -8,7 +8,7 @@ use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::{Aov, Contribution, Inspection};
 
 use crate::fake::{Manners, Told};
-use crate::support::{Got, Service};
+use crate::support::{Client, Got, Service};
 
 const QUIET: Duration = Duration::from_millis(400);
 
@@ -217,6 +217,17 @@ async fn points_looked_at_are_bounded() {
     assert_eq!(client.text("inspected").await["re"], 7, "there is room again");
 }
 
+/// The error stated with the final picture.
+async fn settled_error(client: &mut Client) -> Option<f64> {
+    let stats = loop {
+        let stats = client.text("stats").await;
+        if stats["converged"] == true {
+            break stats;
+        }
+    };
+    stats["error"]["rmse"].as_f64().map(|rmse| (rmse * 1e4).round() / 1e4)
+}
+
 #[tokio::test]
 async fn views_show_outputs_and_go_back_to_radiance() {
     let service = Service::start().await;
@@ -234,6 +245,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     assert_eq!(offered, live);
     client.small().await;
     client.until_final().await;
+    assert_eq!(settled_error(&mut client).await, Some(0.0125));
     for bad in ["variance", "soul", ""] {
         client.send(json!({"id": 1, "t": "view.set", "aov": bad})).await;
         let error = client.text("error").await;
@@ -246,11 +258,13 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     client.send(json!({"id": 3, "t": "view.set", "aov": "surfel_coverage"})).await;
     assert_eq!(client.text("ok").await["re"], 3);
     client.until_final().await;
+    assert_eq!(settled_error(&mut client).await, None, "the audit is not of this output");
     // Another wish leaves the output as it is.
     client.send(json!({"id": 4, "t": "view.set", "exposure": 2.0})).await;
     client.until_final().await;
     client.send(json!({"id": 5, "t": "view.set", "aov": null})).await;
     client.until_final().await;
+    assert_eq!(settled_error(&mut client).await, Some(0.0125));
     let shown: Vec<Told> = service.fake.told().into_iter().filter(|told| matches!(told, Told::Shows(_))).collect();
     assert_eq!(shown, [Told::Shows(Aov::by_name("surfel_coverage")), Told::Shows(None)]);
 }
