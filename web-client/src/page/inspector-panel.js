@@ -12,7 +12,7 @@ const ROWS = /** @type {const} */ ({
   coverage: ['Coverage', ''],
   trust: ['Trust', ''],
   light: ['B', ''],
-  direct: ['B, found directly', ''],
+  direct: ['B, direct', ''],
   indirect: ['B, bounced', ''],
 });
 
