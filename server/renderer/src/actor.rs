@@ -11,7 +11,9 @@ use std::time::{Duration, Instant};
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::path::general_features;
-use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
+use surfelcast_techniques::{
+    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry,
+};
 use tokio::sync::{mpsc, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, Reply, SessionKey, ViewKey};

@@ -83,10 +83,7 @@ impl Aov {
 
     /// Whether a view can show it, not only a batch render: it is made from the camera and the session's cache alone.
     pub fn is_live(self) -> bool {
-        matches!(
-            self,
-            Self::Albedo | Self::Normal | Self::Depth | Self::Position | Self::InstanceId | Self::Surfel(_)
-        )
+        matches!(self, Self::Albedo | Self::Normal | Self::Depth | Self::Position | Self::InstanceId | Self::Surfel(_))
     }
 
     /// Its name on the command line and over HTTP.

@@ -14,8 +14,8 @@ mod pace;
 mod running_job;
 mod running_view;
 mod scenes;
-mod snapshots;
 pub mod slot;
+mod snapshots;
 pub mod status;
 pub mod view;
 
@@ -27,8 +27,8 @@ pub use config::RendererConfig;
 pub use handle::{RendererError, RendererHandle};
 pub use inspection::{Contribution, Inspection};
 pub use job::{
-    Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput,
-    SurfelSettings,
+    Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts,
+    RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
 };
 pub use lights::SessionLights;
 pub use slot::FrameSlot;

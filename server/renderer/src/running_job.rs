@@ -9,7 +9,9 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::passes::{features, first_surface};
 use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{Conformance, StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry};
+use surfelcast_techniques::{
+    Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry,
+};
 
 use crate::handle::RendererError;
 use crate::job::{Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass};
@@ -224,9 +226,7 @@ impl RunningJob {
     fn is_stalled(&self) -> bool {
         let Some(&(samples, bound)) = self.earlier_bounds.last() else { return false };
         let earlier = self.earlier_bounds.iter().rev().find(|(then, _)| *then <= samples / 4);
-        self.is_biased
-            && samples >= STALL_SAMPLES
-            && earlier.is_some_and(|(_, then)| bound > STALL_SHARE * then)
+        self.is_biased && samples >= STALL_SAMPLES && earlier.is_some_and(|(_, then)| bound > STALL_SHARE * then)
     }
 
     fn count(&mut self, rays: [u64; 3], non_finite: u64) {

@@ -10,7 +10,9 @@ use surfelcast_techniques::passes::first_surface;
 use surfelcast_techniques::passes::tone_map::tone_map;
 use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{Change, StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry};
+use surfelcast_techniques::{
+    Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
+};
 
 use crate::command::SessionKey;
 use crate::handle::RendererError;
@@ -480,7 +482,9 @@ impl RunningView {
             None => None,
         };
         let (picture, exposure) = match &output {
-            Some((buffer, _)) if !matches!(self.shown.aov, Some(Aov::Surfel(SurfelOutput::Irradiance))) => (buffer, 1.0),
+            Some((buffer, _)) if !matches!(self.shown.aov, Some(Aov::Surfel(SurfelOutput::Irradiance))) => {
+                (buffer, 1.0)
+            }
             Some((buffer, _)) => (buffer, self.shown.exposure),
             None => (work.technique.picture(), self.shown.exposure),
         };

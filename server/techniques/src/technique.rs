@@ -152,8 +152,13 @@ pub trait Technique: Send {
 }
 
 /// Makes a technique for one picture.
-pub type CreateTechnique =
-    fn(&Gpu, &SceneBuffers, &LightBuffers, &SessionState, TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError>;
+pub type CreateTechnique = fn(
+    &Gpu,
+    &SceneBuffers,
+    &LightBuffers,
+    &SessionState,
+    TechniqueOptions,
+) -> Result<Box<dyn Technique>, TechniqueError>;
 
 /// A technique on offer: one line of the registry.
 #[derive(Clone, Copy)]

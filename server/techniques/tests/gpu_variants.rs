@@ -6,7 +6,9 @@ use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, path, registry};
+use surfelcast_techniques::{
+    FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, path, registry,
+};
 
 const SIZE: [u32; 2] = [40, 30];
 
@@ -46,7 +48,9 @@ fn compare(gpu: &Gpu, scene: &Scene, materials: MaterialMode) {
     };
     for named in &scene.cameras {
         let view = FrameView { camera: named.camera, size: SIZE, exposure: 1.0 };
-        let mut special = (registry::by_id("path").unwrap().create)(gpu, &buffers, &lights, &SessionState::default(), options).unwrap();
+        let mut special =
+            (registry::by_id("path").unwrap().create)(gpu, &buffers, &lights, &SessionState::default(), options)
+                .unwrap();
         let mut general = path::create_general(gpu, options).unwrap();
         assert_ne!(special.features(), general.features());
         let special = picture(gpu, special.as_mut(), &buffers, &lights, &view);

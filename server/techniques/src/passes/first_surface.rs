@@ -49,7 +49,11 @@ pub fn first_surface_for_screen(
         // Neighbouring numbers get colours far apart.
         FirstSurfaceOutput::Instance => {
             let hash = (x as u32).wrapping_mul(0x9e37_79b1);
-            if x == 0.0 { [0.0; 3] } else { [hash >> 24, (hash >> 16) & 255, (hash >> 8) & 255].map(|v| v as f32 / 255.0) }
+            if x == 0.0 {
+                [0.0; 3]
+            } else {
+                [hash >> 24, (hash >> 16) & 255, (hash >> 8) & 255].map(|v| v as f32 / 255.0)
+            }
         }
     };
     let colors: Vec<[f32; 4]> = pixels

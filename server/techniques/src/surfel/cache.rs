@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS};
+use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{
     SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
 };
@@ -53,6 +53,8 @@ pub(crate) enum UpdateStage {
         next: u32,
         /// Rays of the update.
         count: u32,
+        /// Rays that there might have been.
+        budget: u32,
     },
 }
 
@@ -95,7 +97,8 @@ pub struct SurfelCache {
     pub(crate) next_serial: u32,
     /// Bit for each grid level that holds surfels.
     pub(crate) levels: u32,
-    pub(crate) level_bits: Buffer,
+    /// One word that a kernel answers the host with: level bits, rays dealt out.
+    pub(crate) answer: Buffer,
     /// Updates so far.
     pub(crate) update: u32,
     /// Updates since the light last changed.
@@ -156,7 +159,7 @@ impl SurfelCache {
             live: 0,
             next_serial: 1,
             levels: 0,
-            level_bits: buffer_of::<u32>(gpu, "level_bits", 4)?,
+            answer: buffer_of::<u32>(gpu, "answer", 4)?,
             update: 1,
             calm_updates: 0,
             is_settled: false,

@@ -37,7 +37,9 @@ use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
 use crate::surfel::kernels::KernelSet;
 use crate::surfel::update::{Asking, Work, add_passes, count_rays};
-use crate::technique::{Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};
+use crate::technique::{
+    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
+};
 
 /// Registry line.
 pub const ENTRY: TechniqueEntry = TechniqueEntry {
@@ -60,6 +62,7 @@ const KERNELS: &[&str] = &[
     "surfel_claim",
     "surfel_reject",
     "surfel_spawn",
+    "surfel_probe",
     "surfel_mark",
     "surfel_compact",
     "surfel_grid_count",

@@ -198,7 +198,9 @@ mod tests {
                 settings.turn(&format!("{}={value}", knob.name)).expect(knob.name);
                 assert_eq!(settings.value_of(knob), value, "{}", knob.name);
             }
-            assert!(settings.turn(&format!("{}={}", knob.name, most * 2.0 + 1.0)).is_err_and(|e| e.contains(knob.name)));
+            assert!(
+                settings.turn(&format!("{}={}", knob.name, most * 2.0 + 1.0)).is_err_and(|e| e.contains(knob.name))
+            );
         }
         let mut settings = SurfelSettings::BALANCED;
         for bad in ["radius", "radius=", "radius=nan", "size=3", "=", "rays=-1"] {

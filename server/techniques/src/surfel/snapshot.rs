@@ -207,7 +207,11 @@ fn check_records(records: &[SurfelRecord], scene: &SceneBuffers) -> Result<(), S
             && record.radius > 0.0
             && record.position.iter().chain(&record.barycentrics).chain(&[record.radius]).all(|v| v.is_finite())
     };
-    if records.iter().all(is_sound) { Ok(()) } else { Err(SnapshotError::Damaged("a surfel lies nowhere in the scene")) }
+    if records.iter().all(is_sound) {
+        Ok(())
+    } else {
+        Err(SnapshotError::Damaged("a surfel lies nowhere in the scene"))
+    }
 }
 
 fn check_lights(lights: &[SurfelLight]) -> Result<(), SnapshotError> {

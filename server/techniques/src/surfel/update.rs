@@ -4,8 +4,8 @@
 //! of its settings, its seed and what was asked of it.
 
 use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime};
-use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::constants::SURFEL_HIT_CANDIDATES;
+use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SurfelUniforms;
 
 use crate::passes::counters;
@@ -138,10 +138,23 @@ impl SurfelCache {
             .read_write("tiles", &self.tiles)
             .read_write("surfel_flags", &self.flags)
             .dispatch(workgroups_of(count))?;
+        graph.clear(&self.counters)?;
+        lights
+            .bind(scene.bind(graph.pass(kernels.get("surfel_probe")?)))
+            .uniform("cache", bytes)
+            .uniform("frame", asking.frame)
+            .read("candidates", &self.candidates)
+            .read("scan_values", &self.values)
+            .read("surfel_lists", &self.lists)
+            .read_write("tiles", &self.tiles)
+            .read_write("counters", &self.counters)
+            .dispatch(workgroups_of(count))?;
+        let probes = graph.read_back(&self.counters, 0..counters::BYTES)?;
         // Candidates are used once.
         graph.clear(&self.candidates)?;
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+        count_rays(step, &report.take(probes)?);
         let accepted = u32_of(&report.take(accepted)?);
         if accepted > 0 {
             self.next_serial = self.next_serial.wrapping_add(accepted);
@@ -161,16 +174,16 @@ impl SurfelCache {
         self.record_lists(&mut graph, kernels, bytes)?;
         graph.clear(&self.grid)?;
         graph.clear(&self.slot_cursors)?;
-        graph.clear(&self.level_bits)?;
+        graph.clear(&self.answer)?;
         graph
             .pass(kernels.get("surfel_grid_count")?)
             .uniform("cache", bytes)
             .read("surfels", &self.records)
             .read("surfel_lists", &self.lists)
             .read_write("slot_counts", &self.grid)
-            .read_write("level_bits", &self.level_bits)
+            .read_write("level_bits", &self.answer)
             .dispatch(workgroups_of(live))?;
-        let levels = graph.read_back(&self.level_bits, 0..4)?;
+        let levels = graph.read_back(&self.answer, 0..4)?;
         self.scan.record(&mut graph, &self.grid, self.slot_count + 1)?;
         graph
             .pass(kernels.get("surfel_grid_scatter")?)
@@ -210,7 +223,12 @@ impl SurfelCache {
     }
 
     /// Starts an update: deals the rays out. With nothing to trace the cache is settled.
-    pub(crate) fn begin_update(&mut self, work: &Work<'_>, ray_budget: u32, step: &mut Step) -> Result<(), TechniqueError> {
+    pub(crate) fn begin_update(
+        &mut self,
+        work: &Work<'_>,
+        ray_budget: u32,
+        step: &mut Step,
+    ) -> Result<(), TechniqueError> {
         let Work { gpu, kernels, .. } = *work;
         self.reserve(gpu, ray_budget, 0)?;
         if self.live == 0 {
@@ -247,13 +265,20 @@ impl SurfelCache {
             .read("scan_values", &self.values)
             .read("surfel_lights", &self.lights)
             .read_write("rays", &self.rays)
+            .read_write("ray_total", &self.answer)
             .dispatch(workgroups_of(self.live))?;
+        let ray_total = graph.read_back(&self.answer, 0..4)?;
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         self.is_relit = false;
-        self.is_settled = u32_of(&report.take(total)?) == 0;
-        if !self.is_settled {
-            self.stage = UpdateStage::Tracing { next: 0, count: ray_budget };
+        let asked = u32_of(&report.take(total)?);
+        let count = u32_of(&report.take(ray_total)?);
+        self.is_settled = asked == 0;
+        if count > 0 {
+            self.stage = UpdateStage::Tracing { next: 0, count, budget: ray_budget };
+        } else {
+            // So little was asked for that chance gave no ray; the next update asks again.
+            self.update += 1;
         }
         Ok(())
     }
@@ -267,9 +292,9 @@ impl SurfelCache {
         step: &mut Step,
     ) -> Result<u32, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
-        let UpdateStage::Tracing { next, count } = self.stage else { return Ok(0) };
+        let UpdateStage::Tracing { next, count, budget } = self.stage else { return Ok(0) };
         let range = (count - next).min(limit.max(64)).min(65_535 * 64);
-        let mut uniforms = self.uniforms(count);
+        let mut uniforms = self.uniforms(budget);
         (uniforms.first_item, uniforms.item_count) = (next, range);
         let mut graph = gpu.graph("surfel_trace");
         graph.clear(&self.counters)?;
@@ -290,7 +315,7 @@ impl SurfelCache {
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(ticket)?);
-        self.stage = UpdateStage::Tracing { next: next + range, count };
+        self.stage = UpdateStage::Tracing { next: next + range, count, budget };
         if let Some(live) = live {
             let bytes = report.take(live)?;
             let freed = self.live - u32_of(&bytes).min(self.live);

@@ -1,0 +1,94 @@
+//! Lights change, cameras come and go, and what is settled costs nothing.
+
+use surfelcast_techniques::{Change, LightBuffers, LightState, SurfelSettings};
+
+use crate::rig::{Rig, camera, gpu, mean};
+use crate::scenes::{Face, Paint, inside_of_box, scene};
+
+fn lit_room() -> Vec<Face> {
+    let mut faces = inside_of_box([-1.0; 3], [1.0; 3], Paint::matte(0.7));
+    faces.push((vec![[-0.3, 0.98, -0.3], [0.3, 0.98, -0.3], [0.3, 0.98, 0.3], [-0.3, 0.98, 0.3]], Paint::lamp(5.0)));
+    faces
+}
+
+#[test]
+fn three_times_the_light_is_there_within_a_few_frames() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.0, ..SurfelSettings::BALANCED };
+    let mut rig = Rig::new(&gpu, &scene, settings, [48, 48]);
+    let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), view, 64);
+    let indirect = |rig: &Rig<'_>, picture: &dyn surfelcast_techniques::Technique| {
+        let (direct, _) = picture.split().unwrap();
+        mean(&rig.values(picture)) - mean(&rig.read(direct).iter().map(|v| v[0]).collect::<Vec<_>>())
+    };
+    let before = indirect(&rig, picture.as_ref());
+    let state = LightState { emissive_strength: 3.0, ..LightState::of_scene(&scene) };
+    rig.lights = LightBuffers::new(&gpu, &scene, &state).unwrap();
+    rig.session.invalidate(Change::Lights);
+    picture.invalidate(Change::Lights);
+    let mut frames_needed = 0;
+    for frame in 1..=40 {
+        // Each frame on its own, as a person would see it.
+        picture.invalidate(Change::Camera);
+        rig.frames(picture.as_mut(), view, 1);
+        let share = (indirect(&rig, picture.as_ref()) - before) / (2.0 * before);
+        if share < 0.9 {
+            frames_needed = frame + 1;
+        }
+    }
+    let share = (indirect(&rig, picture.as_ref()) - before) / (2.0 * before);
+    println!("90 % of the step after {frames_needed} frames, {share:.3} of it after 40");
+    assert!(frames_needed <= 6, "{frames_needed} frames");
+    assert!((0.97..1.03).contains(&share), "{share}");
+}
+
+#[test]
+fn a_settled_cache_traces_nothing_and_a_second_camera_on_lit_ground_little() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.02, ..SurfelSettings::BALANCED };
+    let rig = Rig::new(&gpu, &scene, settings, [64, 64]);
+    let mut first = rig.picture();
+    let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let to_settle = rig.frames(first.as_mut(), view, 200);
+    first.invalidate(Change::Camera);
+    let settled = rig.frames(first.as_mut(), view, 8);
+    println!("{to_settle} rays to settle, {settled} in 8 frames after that");
+    assert_eq!(settled, 0);
+    // The second camera sees nearly the same walls from a step aside.
+    let mut second = rig.picture();
+    let beside = camera([0.5, 0.2, 0.8], [-0.45, -0.3, -0.5]);
+    let more = rig.frames(second.as_mut(), beside, 200);
+    println!("{more} rays for the second camera");
+    assert!((more as f64) < 0.35 * to_settle as f64, "{more} of {to_settle}");
+    second.invalidate(Change::Camera);
+    assert_eq!(rig.frames(second.as_mut(), beside, 8), 0);
+    // New light wakes it up again.
+    rig.session.invalidate(Change::Lights);
+    second.invalidate(Change::Lights);
+    assert!(rig.frames(second.as_mut(), beside, 4) > 0);
+}
+
+#[test]
+fn two_cameras_pay_for_the_rays_once() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.0, ..SurfelSettings::BALANCED };
+    let rig = Rig::new(&gpu, &scene, settings, [64, 64]);
+    let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let mut alone = rig.picture();
+    rig.frames(alone.as_mut(), view, 16);
+    let one = (17..33).map(|frame| rig.frames(alone.as_mut(), view, frame)).sum::<u64>();
+    let mut second = rig.picture();
+    rig.frames(second.as_mut(), view, 1);
+    let mut both = 0;
+    for frame in 0..16 {
+        both += rig.frames(alone.as_mut(), view, 33 + frame);
+        both += rig.frames(second.as_mut(), view, 2 + frame);
+    }
+    println!("16 frames: {one} rays for one camera, {both} for two");
+    assert!((both as f64) < 1.25 * one as f64, "{both} and {one}");
+}

@@ -1,0 +1,11 @@
+//! What is promised of the surfel cache, on scenes whose answer is known.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+#![allow(clippy::print_stdout, reason = "a test says what it measured")]
+
+mod change;
+mod energy;
+mod leaks;
+mod persistence;
+mod repeat;
+mod rig;
+mod scenes;
