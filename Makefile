@@ -54,6 +54,10 @@ bench: deps ## Rays per second against a CPU traversal of the same hierarchy, wr
 bench-accuracy: build ## Error of every reference camera, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --bin accuracy-table -- BENCHMARKS.md
 
+.PHONY: bench-surfels
+bench-surfels: build ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
+	$(CARGO) run --release --locked --package surfelcast-tests --bin surfel-table -- BENCHMARKS.md
+
 .PHONY: docs-images
 docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/
 	cd tests/browser && node docs-images.js

@@ -116,6 +116,44 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
+/// The cache's picture after 48 frames: within the error that the gates allow a converged one, and the audit, which sees its
+/// bias too, is right about it.
+#[test]
+fn the_surfel_cache_matches_its_references() -> Result<()> {
+    const LIMITS: [(&str, f64); 6] = [
+        ("cornell_box_main_lambert", 0.02),
+        ("cornell_box_main_indirect", 0.02),
+        ("bars_main_lambert", 0.03),
+        ("classroom_main_lambert", 0.03),
+        ("maze_small_near_lambert", 0.03),
+        ("sponza_atrium_lambert", 0.03),
+    ];
+    let Some(shared) = shared_folder() else {
+        println!("skipped: no folder of references; set SURFELCAST_SHARED to one");
+        return Ok(());
+    };
+    let renderer = Renderer::find("surfel")?;
+    let mut faults = Vec::new();
+    for reference in Reference::read_all(&shared)? {
+        let Some((_, limit)) = LIMITS.iter().find(|(name, _)| *name == reference.name) else { continue };
+        let point = renderer.measure(&reference, 48)?;
+        println!(
+            "{}: RMSE {:.5}, bias {:+.2} %, audit {:.5}, {} surfels, {:.1} s",
+            reference.name,
+            point.rmse,
+            100.0 * point.bias,
+            point.audited_rmse,
+            point.surfels,
+            point.render_secs
+        );
+        if !(point.rmse_to_truth(reference.noise_rmse) <= *limit) || point.non_finite > 0 {
+            faults.push(format!("{}: RMSE {:.4}, {} not finite", reference.name, point.rmse, point.non_finite));
+        }
+    }
+    ensure!(faults.is_empty(), "{}", faults.join("\n"));
+    Ok(())
+}
+
 #[test]
 fn demodulated_indirect_light_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Indirect)

@@ -1,5 +1,7 @@
 //! Surfels as a PLY point cloud, binary little-endian, for any point cloud viewer.
 
+use std::fmt::Write as _;
+
 use glam::DVec3;
 use surfelcast_renderer::ExportedSurfel;
 use surfelcast_scene::geometry::unpack_octahedral;
@@ -27,7 +29,8 @@ const PROPERTIES: [(&str, &str); 16] = [
 pub(crate) fn encode(surfels: &[ExportedSurfel], origin: DVec3) -> Vec<u8> {
     let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", surfels.len());
     for (kind, name) in PROPERTIES {
-        header += &format!("property {kind} {name}\n");
+        // Writing to a string cannot fail.
+        let _ = writeln!(header, "property {kind} {name}");
     }
     let mut bytes = (header + "end_header\n").into_bytes();
     for ExportedSurfel { record, light } in surfels {

@@ -22,7 +22,7 @@ fn identity(scene: &Scene, lights: &LightState) -> SnapshotIdentity {
 }
 
 fn path_of(folder: &Path, identity: &SnapshotIdentity) -> PathBuf {
-    let name: String = identity.scene[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    let name = hex::encode(&identity.scene[..16]);
     folder.join(name).with_extension(ENDING)
 }
 

@@ -14,6 +14,8 @@ pub struct Renderer {
     program: PathBuf,
     /// Technique id.
     pub technique: String,
+    /// More words for the command line.
+    pub arguments: Vec<String>,
 }
 
 /// What was measured at one number of samples.
@@ -37,6 +39,10 @@ pub struct Point {
     pub non_finite: usize,
     /// Seconds of rendering, both seeds.
     pub render_secs: f64,
+    /// Rays of all kinds of one picture.
+    pub rays: f64,
+    /// Surfels in use at the end; 0 where there are none.
+    pub surfels: u64,
 }
 
 /// Everything measured for one reference.
@@ -101,7 +107,7 @@ impl Renderer {
             "{} does not exist: run `cargo build --release -p surfelcast` first",
             program.display()
         );
-        Ok(Self { program, technique: technique.to_owned() })
+        Ok(Self { program, technique: technique.to_owned(), arguments: Vec::new() })
     }
 
     /// Renders a reference's picture.
@@ -114,6 +120,7 @@ impl Renderer {
         command.args(["--size", &format!("{width}x{height}")]);
         command.args(["--spp", &samples.to_string(), "--seed", &seed.to_string()]);
         command.args(["--materials", if reference.mode == Mode::Pbr { "pbr" } else { "lambert" }]);
+        command.args(&self.arguments);
         if reference.mode == Mode::Indirect {
             command.args(["--aov", "irradiance"]);
         }
@@ -144,6 +151,9 @@ impl Renderer {
         let exposure = reference.exposure;
         let mse = f64::midpoint(first.tone_mapped_mse(&truth, exposure), second.tone_mapped_mse(&truth, exposure));
         let audited = |stats: &Value| stats["error_estimate"]["rmse_tonemapped"].as_f64().unwrap_or(0.0).powi(2);
+        let rays_of = |stats: &Value| {
+            ["primary", "secondary", "shadow"].iter().filter_map(|kind| stats["rays"][kind].as_f64()).sum::<f64>()
+        };
         let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
 
         // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
@@ -160,6 +170,8 @@ impl Renderer {
             analytic_error,
             non_finite,
             render_secs: seconds(&first_stats) + seconds(&second_stats),
+            rays: f64::midpoint(rays_of(&first_stats), rays_of(&second_stats)),
+            surfels: first_stats["surfels"]["live"].as_u64().unwrap_or(0),
         })
     }
 }
@@ -203,6 +215,8 @@ mod tests {
             analytic_error: 0.0,
             non_finite: 0,
             render_secs: 0.0,
+            rays: 0.0,
+            surfels: 0,
         }
     }
 

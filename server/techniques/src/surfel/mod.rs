@@ -269,17 +269,14 @@ impl Technique for SurfelPicture {
             let left = budget.max_paths - step.paths;
             let frame_bytes = bytemuck::bytes_of(&frame);
             match self.phase {
-                Phase::Start if cache.stage != UpdateStage::Idle => {
+                // Whoever comes first finishes the update under way: nothing else may touch the cache meanwhile.
+                Phase::Start | Phase::Update if cache.stage != UpdateStage::Idle => {
                     let limit = u32::try_from(left).unwrap_or(u32::MAX);
                     step.paths += u64::from(cache.advance(&work, frame_bytes, limit, &mut step)?);
                 }
                 Phase::Start => {
                     self.start(&work, &mut cache, view, &frame, &mut step)?;
                     step.paths += u64::from(self.pixel_count());
-                }
-                Phase::Update if cache.stage != UpdateStage::Idle => {
-                    let limit = u32::try_from(left).unwrap_or(u32::MAX);
-                    step.paths += u64::from(cache.advance(&work, frame_bytes, limit, &mut step)?);
                 }
                 Phase::Update => {
                     self.seen_update = cache.update;

@@ -20,7 +20,6 @@ pub(crate) fn camera(position: [f64; 3], target: [f64; 3]) -> Camera {
 /// A scene on the device with a session.
 pub(crate) struct Rig<'a> {
     pub(crate) gpu: &'a Gpu,
-    pub(crate) scene: &'a Scene,
     pub(crate) buffers: SceneBuffers,
     pub(crate) lights: LightBuffers,
     pub(crate) session: SessionState,
@@ -33,7 +32,6 @@ impl<'a> Rig<'a> {
     pub(crate) fn new(gpu: &'a Gpu, scene: &'a Scene, settings: SurfelSettings, size: [u32; 2]) -> Self {
         Self {
             gpu,
-            scene,
             buffers: SceneBuffers::new(gpu, scene).unwrap(),
             lights: LightBuffers::new(gpu, scene, &LightState::of_scene(scene)).unwrap(),
             session: SessionState::default(),

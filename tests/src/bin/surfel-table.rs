@@ -1,0 +1,134 @@
+//! Measures the surfel cache against references and against path tracing at equal rays, and writes the tables into a document.
+//!
+//! `surfel-table DOCUMENT [--only NAME-PART]`; `-` as document prints them.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to its terminal")]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::process::ExitCode;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use surfelcast_tests::accuracy::{Point, Reference, Renderer, replace_between_markers, shared_folder};
+
+/// References of the gates, each with the tone-mapped RMSE it may have once converged.
+const GATES: [(&str, f64); 8] = [
+    ("cornell_box_main_lambert", 0.02),
+    ("cornell_box_main_indirect", 0.02),
+    ("bars_main_lambert", 0.03),
+    ("bars_wall_lambert", 0.03),
+    ("classroom_main_lambert", 0.03),
+    ("maze_small_near_lambert", 0.03),
+    ("sponza_atrium_lambert", 0.03),
+    ("sponza_atrium_indirect", 0.03),
+];
+/// Frames of an early picture and of one taken as converged.
+const FRAMES: [u32; 2] = [32, 128];
+/// Radii in pixels whose cost and error are compared, on one reference.
+const RADII: [f32; 4] = [2.0, 3.0, 5.0, 8.0];
+const RADII_REFERENCE: &str = "bars_main_lambert";
+
+fn surfel(arguments: &[&str]) -> Result<Renderer> {
+    let mut renderer = Renderer::find("surfel")?;
+    renderer.arguments = arguments.iter().map(|&word| word.to_owned()).collect();
+    Ok(renderer)
+}
+
+/// Path tracing with as many rays as `rays`: one sample a pixel tells how many a sample takes.
+fn path_at_equal_rays(reference: &Reference, rays: f64) -> Result<Point> {
+    let path = Renderer::find("path")?;
+    let one = path.measure(reference, 1)?;
+    // The audit of a single sample takes rays of its own, so the count is corrected once.
+    let samples = (rays / one.rays).round().max(1.0) as u32;
+    path.measure(reference, samples)
+}
+
+fn against_path(only: &str, references: &[Reference]) -> Result<String> {
+    let mut text = String::from(
+        "| reference | gate | 32 frames | path, equal rays | ratio | 128 frames | audit / RMSE | bias | surfels | s a frame |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for (name, gate) in GATES.iter().filter(|(name, _)| name.contains(only)) {
+        let reference =
+            references.iter().find(|one| one.name == *name).with_context(|| format!("no reference {name}"))?;
+        let renderer = surfel(&[])?;
+        let early = renderer.measure(reference, FRAMES[0])?;
+        let path = path_at_equal_rays(reference, early.rays)?;
+        let late = renderer.measure(reference, FRAMES[1])?;
+        let noise = reference.noise_rmse;
+        let (ours, theirs, end) = (early.rmse_to_truth(noise), path.rmse_to_truth(noise), late.rmse_to_truth(noise));
+        let audit = if late.audited_rmse > 0.0 { format!("{:.2}", late.audited_rmse / end) } else { "-".to_owned() };
+        let row = format!(
+            "| {name} | {gate} | {ours:.4} | {theirs:.4} ({} spp) | {:.2} | {end:.4} | {audit} | {:+.2} % | {} | {:.2} |",
+            path.samples,
+            ours / theirs,
+            100.0 * late.bias,
+            late.surfels,
+            late.render_secs / 2.0 / f64::from(FRAMES[1]),
+        );
+        eprintln!("{row}");
+        writeln!(text, "{row}")?;
+    }
+    Ok(text)
+}
+
+fn over_radii(references: &[Reference]) -> Result<String> {
+    let mut text =
+        String::from("| radius, pixels | surfels | 32 frames | 128 frames | s a frame |\n|---|---|---|---|---|\n");
+    let reference = references
+        .iter()
+        .find(|one| one.name == RADII_REFERENCE)
+        .with_context(|| format!("no reference {RADII_REFERENCE}"))?;
+    for radius in RADII {
+        let renderer = surfel(&["--surfel", &format!("radius={radius}")])?;
+        let [early, late] = [renderer.measure(reference, FRAMES[0])?, renderer.measure(reference, FRAMES[1])?];
+        let noise = reference.noise_rmse;
+        let row = format!(
+            "| {radius} | {} | {:.4} | {:.4} | {:.2} |",
+            late.surfels,
+            early.rmse_to_truth(noise),
+            late.rmse_to_truth(noise),
+            late.render_secs / 2.0 / f64::from(FRAMES[1]),
+        );
+        eprintln!("{row}");
+        writeln!(text, "{row}")?;
+    }
+    Ok(text)
+}
+
+fn run() -> Result<()> {
+    let (mut document, mut only) = (String::new(), String::new());
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--only" => only = words.next().context("--only needs a value")?,
+            _ if document.is_empty() && !word.starts_with("--") => document = word,
+            _ => bail!("{word} is unknown"),
+        }
+    }
+    ensure!(!document.is_empty(), "usage: surfel-table DOCUMENT [--only NAME-PART]");
+    let shared = shared_folder().context(
+        "no references: set SURFELCAST_SHARED to a folder with references/ and scenes/, or put it beside the repository as shared/",
+    )?;
+    let references = Reference::read_all(&shared)?;
+    let mut text = against_path(&only, &references)?;
+    if only.is_empty() {
+        write!(text, "\nOn {RADII_REFERENCE}, by the size of surfels:\n\n{}", over_radii(&references)?)?;
+    }
+    if document == "-" {
+        print!("{text}");
+    } else {
+        let old = fs::read_to_string(&document)?;
+        fs::write(&document, replace_between_markers(&old, "surfels", &text)?)?;
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("surfel-table: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
