@@ -48,7 +48,7 @@ struct Catalogue {
 fn catalogue() -> &'static Catalogue {
     static CATALOGUE: OnceLock<Catalogue> = OnceLock::new();
     CATALOGUE.get_or_init(|| {
-        if let Some(folder) = std::env::var_os("SURFELCAST_SHADERS") {
+        if let Some(folder) = std::env::var_os("SURFELCAST_SHADERS").filter(|folder| !folder.is_empty()) {
             return build(files_in(Path::new(&folder)).into_iter());
         }
         let library = LibraryFiles::iter().map(|file| (LibraryFiles::get(&file), file));
