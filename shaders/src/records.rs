@@ -313,8 +313,8 @@ crate::gpu_structs! {
         pub blend_ratio: f32,
         /// Rays ever shot.
         pub shots: u32,
-        /// Unused.
-        pub padding: f32,
+        /// Rays since the light last changed.
+        pub fresh_rays: f32,
     }
 
     /// What a gather reads of a surfel, 32 bytes.
@@ -425,8 +425,8 @@ crate::gpu_structs! {
         pub guided_share: f32,
         /// `surfel_switches`.
         pub switches: u32,
-        /// Share of earlier rays forgotten.
-        pub forgetting: f32,
+        /// Unused.
+        pub padding4: f32,
         /// Share of the capacity in use.
         pub fill: f32,
         /// Number of the next surfel born.

@@ -110,6 +110,11 @@ fn light_weights(scene: &Scene, state: &LightState) -> (Vec<f32>, u32) {
         let mean = mean_environment_luminance(map);
         weights.push(disk * PI * mean * state.environment_strength);
     }
+    balance(&mut weights, |index| {
+        let punctual = index.checked_sub(scene.emissive_triangles.len()).and_then(|index| state.punctual.get(index));
+        index == scene.emissive_triangles.len() + state.punctual.len()
+            || punctual.is_some_and(|light| matches!(light.kind, PunctualKind::Directional))
+    });
     let sum: f64 = weights.iter().map(|&w| f64::from(w)).sum();
     let lit = weights.iter().filter(|&&w| w > 0.0).count();
     if lit > 0 {
@@ -119,6 +124,24 @@ fn light_weights(scene: &Scene, state: &LightState) -> (Vec<f32>, u32) {
         }
     }
     (weights, environment_count)
+}
+
+/// Power overstates what comes from infinitely far: indoors nearly all of it is shut out. So such lights together are chosen at
+/// most as often as all others together.
+fn balance(weights: &mut [f32], is_infinite: impl Fn(usize) -> bool) {
+    let sum = |wanted: bool| {
+        let chosen = weights.iter().enumerate().filter(|(index, _)| is_infinite(*index) == wanted);
+        chosen.map(|(_, &weight)| f64::from(weight)).sum::<f64>()
+    };
+    let (infinite, local) = (sum(true), sum(false));
+    if local > 0.0 && infinite > local {
+        let scale = (local / infinite) as f32;
+        for (index, weight) in weights.iter_mut().enumerate() {
+            if is_infinite(index) {
+                *weight *= scale;
+            }
+        }
+    }
 }
 
 fn punctual_record(light: &PunctualLight) -> PunctualRecord {
@@ -191,4 +214,20 @@ pub(crate) fn alias_entries(weights: &[f32]) -> Vec<AliasEntry> {
             padding: 0,
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::balance;
+
+    #[test]
+    fn what_is_infinitely_far_takes_half_at_most() {
+        let mut weights = [1.0, 3.0, 90.0, 10.0];
+        balance(&mut weights, |index| index >= 2);
+        assert_eq!(weights[..2], [1.0, 3.0]);
+        assert!((weights[2] - 3.6).abs() < 1e-5 && (weights[3] - 0.4).abs() < 1e-5);
+        let mut alone = [0.0, 5.0];
+        balance(&mut alone, |index| index == 1);
+        assert_eq!(alone, [0.0, 5.0]);
+    }
 }

@@ -25,10 +25,6 @@ const MAX_CAMERAS: usize = 8;
 const CELL_SHARE: f32 = 1.0 / 262_144.0;
 /// Bounds of radii as shares of the scene's radius.
 const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
-/// Updates for which a cache forgets, after it was made or the light changed, and the share it forgets in each: what it
-/// learnt from itself while it knew little must not stay in its means.
-const YOUNG_UPDATES: u32 = 16;
-const FORGETTING: f32 = 0.2;
 /// Updates after a change during which means may forget by themselves.
 const DRIFT_UPDATES: u32 = 256;
 const SEED_SALT: u64 = 0x7375_7266_656c_0001;
@@ -263,7 +259,6 @@ impl SurfelCache {
             *slot = [x, y, z, camera.pixel_size];
         }
         let settings = &self.settings;
-        let is_young = self.calm_updates < YOUNG_UPDATES;
         let switches = [
             (settings.respects_depth, surfel_switches::DEPTH),
             (settings.shares, surfel_switches::SHARING),
@@ -289,7 +284,7 @@ impl SurfelCache {
             target_error: settings.target_error,
             guided_share: settings.guided_share,
             switches: switches.iter().filter(|(is_on, _)| *is_on).map(|(_, bit)| bit).sum(),
-            forgetting: if is_young { FORGETTING } else { 0.0 },
+            padding4: 0.0,
             fill: self.live as f32 / self.capacity as f32,
             next_serial: self.next_serial,
             item_count: 0,

@@ -110,7 +110,6 @@ struct SurfelPicture {
     points: Buffer,
     accumulation: Buffer,
     direct: Buffer,
-    indirect: Buffer,
     /// B and reflections, where asked for.
     split: Option<(Buffer, Buffer)>,
     counters: Buffer,
@@ -144,7 +143,6 @@ impl SurfelPicture {
             points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
-            indirect: view_buffer("indirect_mean")?,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
             } else {
@@ -226,7 +224,6 @@ impl SurfelPicture {
             .read("visible", &self.visible)
             .read_write("accumulation", &self.accumulation)
             .read_write("direct_mean", &self.direct)
-            .read_write("indirect_mean", &self.indirect)
             .read_write("counters", &self.counters);
         if let Some((irradiance, reflection)) = &self.split {
             pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);

@@ -225,6 +225,7 @@ fn check_lights(lights: &[SurfelLight]) -> Result<(), SnapshotError> {
             light.guide_scale,
             light.short_variance,
             light.blend_ratio,
+            light.fresh_rays,
         ];
         light.indirect.iter().chain(&light.direct).chain(&scalars).all(|value| value.is_finite())
     };
