@@ -145,7 +145,7 @@ fn main() -> Result<()> {
     let mut moved = Vec::new();
     for index in 0..FRAMES {
         let mut state = own.clone();
-        let ahead = (home.target - home.position).normalize() * 1.5;
+        let ahead = (home.target - home.position).normalize_or(DVec3::NEG_Z) * 1.5;
         let at = home.position + ahead - scene.origin;
         state.punctual.push(PunctualLight {
             name: "moving".to_owned(),

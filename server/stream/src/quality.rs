@@ -44,7 +44,7 @@ struct Rung {
 }
 
 /// A ladder from the client's wish down to the least that is still useful: JPEG quality first, then resolution, then
-/// quality below [`EDGE_QUALITY`] where the client allows that, then frame rate.
+/// quality below `EDGE_QUALITY` where the client allows that, then frame rate.
 #[derive(Clone, Debug)]
 pub struct QualityLoop {
     ladder: Vec<Rung>,
