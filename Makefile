@@ -58,6 +58,10 @@ bench-accuracy: build ## Error of every reference camera, written into BENCHMARK
 bench-surfels: build ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --bin surfel-table -- BENCHMARKS.md
 
+.PHONY: film-strips
+film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
+	$(CARGO) run --release --locked --package surfelcast-tests --example film_strip -- docs
+
 .PHONY: docs-images
 docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/
 	cd tests/browser && node docs-images.js

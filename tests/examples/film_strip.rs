@@ -1,7 +1,7 @@
 //! Frames of the surfel cache in motion, as contact sheets: what a person would see, frame by frame.
 //!
-//! `film_strip FOLDER` writes `start.jpg` (from an empty cache), `orbit.jpg` (the camera moves in every frame), `switch.jpg`
-//! (all lamps dim to a fifth and come back) and `lamp.jpg` (a lamp moves in every frame), each read row by row.
+//! `film_strip FOLDER` writes `strip-start.jpg` (from an empty cache), `strip-orbit.jpg` (the camera moves in every frame), `strip-switch.jpg`
+//! (all lamps dim to a fifth and come back) and `strip-lamp.jpg` (a lamp moves in every frame), each read row by row.
 #![allow(clippy::print_stdout, reason = "a command talks to its terminal")]
 
 use std::path::{Path, PathBuf};
@@ -110,7 +110,7 @@ fn main() -> Result<()> {
     let mut stage = Stage::new(&gpu, &scene, &own)?;
     let start: Vec<_> =
         (0..FRAMES).map(|index| stage.shoot(home, if index < 8 { 1 } else { 4 }, false)).collect::<Result<_>>()?;
-    write_sheet(&folder.join("start.jpg"), &start, exposure)?;
+    write_sheet(&folder.join("strip-start.jpg"), &start, exposure)?;
 
     let around = |index: usize| {
         let arm = home.position - home.target;
@@ -120,7 +120,7 @@ fn main() -> Result<()> {
         Camera { position: home.target + turned, ..home }
     };
     let orbit: Vec<_> = (0..FRAMES).map(|index| stage.shoot(around(index), 1, true)).collect::<Result<_>>()?;
-    write_sheet(&folder.join("orbit.jpg"), &orbit, exposure)?;
+    write_sheet(&folder.join("strip-orbit.jpg"), &orbit, exposure)?;
 
     let dim = LightState {
         emissive_strength: 0.2,
@@ -140,7 +140,7 @@ fn main() -> Result<()> {
         }
         switched.push(stage.shoot(home, 1, true)?);
     }
-    write_sheet(&folder.join("switch.jpg"), &switched, exposure)?;
+    write_sheet(&folder.join("strip-switch.jpg"), &switched, exposure)?;
 
     let mut moved = Vec::new();
     for index in 0..FRAMES {
@@ -158,6 +158,6 @@ fn main() -> Result<()> {
         stage.relight(&state)?;
         moved.push(stage.shoot(home, 1, true)?);
     }
-    write_sheet(&folder.join("lamp.jpg"), &moved, exposure)?;
+    write_sheet(&folder.join("strip-lamp.jpg"), &moved, exposure)?;
     Ok(())
 }

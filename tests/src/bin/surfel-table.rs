@@ -21,8 +21,8 @@ const GATES: [(&str, f64); 8] = [
     ("sponza_atrium_lambert", 0.03),
     ("sponza_atrium_indirect", 0.03),
 ];
-/// Frames of an early picture and of one taken as converged.
-const FRAMES: [u32; 2] = [32, 128];
+/// Frames of an early picture and of a later one.
+const FRAMES: [u32; 2] = [32, 64];
 /// Radii in pixels whose cost and error are compared, on one reference.
 const RADII: [f32; 4] = [2.0, 3.0, 5.0, 8.0];
 const RADII_REFERENCE: &str = "bars_main_lambert";
@@ -44,7 +44,7 @@ fn path_at_equal_rays(reference: &Reference, rays: f64) -> Result<Point> {
 
 fn against_path(only: &str, references: &[Reference]) -> Result<String> {
     let mut text = String::from(
-        "| reference | gate | 32 frames | path, equal rays | ratio | 128 frames | audit / RMSE | bias | surfels | s a frame |\n\
+        "| reference | gate | 32 frames | path, equal rays | ratio | 64 frames | audit / RMSE | bias | surfels | s a frame |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for (name, gate) in GATES.iter().filter(|(name, _)| name.contains(only)) {
@@ -73,7 +73,7 @@ fn against_path(only: &str, references: &[Reference]) -> Result<String> {
 
 fn over_radii(references: &[Reference]) -> Result<String> {
     let mut text =
-        String::from("| radius, pixels | surfels | 32 frames | 128 frames | s a frame |\n|---|---|---|---|---|\n");
+        String::from("| radius, pixels | surfels | 32 frames | 64 frames | s a frame |\n|---|---|---|---|---|\n");
     let reference = references
         .iter()
         .find(|one| one.name == RADII_REFERENCE)

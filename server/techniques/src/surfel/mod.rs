@@ -158,7 +158,8 @@ impl SurfelPicture {
     }
 
     fn ray_budget(&self) -> u32 {
-        let [width, height] = self.options.full_size;
+        // Pictures of a gesture are small so that they come soon; their rays are fewer likewise.
+        let [width, height] = self.options.size;
         let rays = width as f32 * height as f32 * self.options.surfel.rays_per_pixel;
         (rays as u32).clamp(FEWEST_RAYS, MOST_RAYS)
     }
