@@ -72,7 +72,7 @@ pub struct SurfelCache {
     pub(crate) outputs: Buffer,
     /// Guiding and depth tables by id.
     pub(crate) tiles: Buffer,
-    /// Alive, pinned, from a hit; by id.
+    /// Alive, from a hit; by id.
     pub(crate) flags: Buffer,
     /// Ids of the living, then ids of the free.
     pub(crate) lists: Buffer,
