@@ -79,6 +79,8 @@ const KERNELS: &[&str] = &[
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
 const FEWEST_RAYS: u32 = 4096;
 const MOST_RAYS: u32 = 1 << 22;
+/// Pixels whose camera rays are traced in one submission.
+const VISIBILITY_PIXELS: u32 = 1 << 18;
 /// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
 const QUIET_GAIN: f32 = 0.02;
 const QUIET_FRAMES: u32 = 3;
@@ -174,15 +176,21 @@ impl SurfelPicture {
         step: &mut Step,
     ) -> Result<(), TechniqueError> {
         cache.set_camera(self.camera, cache_camera(view, work.scene.origin, self.options.full_size), view.exposure);
-        let mut graph = work.gpu.graph("surfel_visibility");
-        work.lights
-            .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
-            .uniform("frame", bytemuck::bytes_of(frame))
-            .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
-            .read_write("visible", &self.visible)
-            .read_write("visible_points", &self.points)
-            .dispatch(workgroups_of(self.pixel_count()))?;
-        add_passes(step, graph.submit()?.wait()?.passes);
+        // In pieces, so that no submission of a large picture holds the device for long.
+        for first in (0..self.pixel_count()).step_by(VISIBILITY_PIXELS as usize) {
+            let mut piece = *frame;
+            piece.first_pixel = first;
+            piece.pixel_count = VISIBILITY_PIXELS.min(self.pixel_count() - first);
+            let mut graph = work.gpu.graph("surfel_visibility");
+            work.lights
+                .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
+                .uniform("frame", bytemuck::bytes_of(&piece))
+                .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
+                .read_write("visible", &self.visible)
+                .read_write("visible_points", &self.points)
+                .dispatch(workgroups_of(piece.pixel_count))?;
+            add_passes(step, graph.submit()?.wait()?.passes);
+        }
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
                 frame: bytemuck::bytes_of(frame),
