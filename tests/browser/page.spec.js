@@ -2,6 +2,7 @@ import assert from 'node:assert/strict';
 import test from 'node:test';
 import { centre, hasSettled, onStage, until, withBrowser } from './support/stage.js';
 import { colorAt } from './support/browser.js';
+import { FLAGS } from './support/frame.js';
 
 withBrowser();
 
@@ -24,6 +25,22 @@ test('every frame is acknowledged, and input to photon is measured', onStage(asy
   assert.ok(acks.every(({ seq, decode_us, present_ms }) => seq > 0 && decode_us >= 0 && present_ms > 0));
   assert.match(await page.locator('#stats-panel').innerText(), /Input to photon, p50 \/ p95\s*[\d.]+ ms \/ [\d.]+ ms/);
 }));
+
+test('a page that decodes slowly settles too, with the final picture', onStage(
+  async ({ page }) => {
+    await page.addInitScript(() => {
+      const decode = window.createImageBitmap;
+      window.createImageBitmap = async (...parts) => {
+        await new Promise((resolve) => setTimeout(resolve, 400));
+        return decode(...parts);
+      };
+      window.addEventListener('frame', ({ detail }) => (window.lastFrame = detail), true);
+    });
+    await page.reload();
+    await hasSettled(page);
+    assert.ok((await page.evaluate(() => window.lastFrame.flags)) & FLAGS.FINAL);
+  },
+));
 
 test('while it moves the page says why the picture is soft', onStage(async ({ page }) => {
   const { x, y } = await centre(page);
