@@ -68,14 +68,14 @@ export class Hud {
   live(live) {
     this.#live = live;
     if (!live) this.#stale = true;
-    this.#schedule(0);
+    this.#render();
   }
 
   /** Nothing is known any more. */
   clear() {
     this.#frame = undefined;
     this.#stats = undefined;
-    this.#schedule(0);
+    this.#render();
   }
 
   /** @param {number} ms */
