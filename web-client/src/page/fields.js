@@ -15,8 +15,8 @@ const newId = () => `field-${(nextId += 1)}`;
  */
 
 /**
- * Field for a number. From the moment it has the focus its text is the user's, until Enter, leaving or Escape: what `set`
- * tells meanwhile, such as another person's edit or the echo of an earlier one, is shown only then.
+ * Field for a number. While it has the focus its text is the user's, until Enter, leaving or Escape: what `set` tells
+ * meanwhile, such as another person's edit, is shown only then.
  * @param {Record<string, unknown>} properties
  * @param {(value: number) => string} text
  * @param {(value: number) => void} commit told what was typed
@@ -24,16 +24,14 @@ const newId = () => `field-${(nextId += 1)}`;
 function numberInput(properties, text, commit) {
   let value = 0;
   let held = false;
-  const hold = () => {
-    held = true;
-  };
+  const hold = () => (held = true);
   const show = () => {
     held = false;
     input.value = text(value);
   };
   /** @param {KeyboardEvent} event */
   const escape = (event) => {
-    if (event.key !== 'Escape' || document.activeElement !== input || input.value === text(value)) return;
+    if (event.key !== 'Escape' || input.value === text(value)) return;
     event.stopPropagation();
     show();
   };
