@@ -13,7 +13,7 @@ import { startServer } from './support/real-server.js';
 import { cardText, centre } from './support/stage.js';
 
 /** A software device renders slowly, and other work may share the machine. */
-const SLOW_MS = 180_000;
+const SLOW_MS = 600_000;
 
 /** Another scene than the demo may be named, to see how the page fares with it. */
 const SCENE = process.env.SURFELCAST_SCENE ? ['--scene', process.env.SURFELCAST_SCENE] : [];
