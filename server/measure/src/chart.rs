@@ -101,44 +101,47 @@ impl Chart {
             .x_label_formatter(&|value| label(*value))
             .y_label_formatter(&|value| label(*value))
             .draw()?;
+        let grey = RGBColor(130, 130, 130);
         let mut lines = vec![];
         if let Some((level, name)) = self.level.as_ref().filter(|(level, _)| *level > 0.0) {
-            let style = RGBColor(130, 130, 130).stroke_width(1);
-            chart.draw_series(DashedLineSeries::new([(x.0, *level), (x.1, *level)], 3, 3, style))?;
-            lines.push((None, RGBColor(130, 130, 130), name.clone()));
+            chart.draw_series(DashedLineSeries::new([(x.0, *level), (x.1, *level)], 3, 3, grey.stroke_width(1)))?;
+            lines.push((Mark::Dashes, grey, name.clone()));
         }
         if self.shows_front {
-            let grey = RGBColor(190, 190, 190);
-            chart.draw_series(LineSeries::new(front_steps(&self.series, x.1), grey.stroke_width(6)))?;
-            lines.push((None, grey, "best of all".to_owned()));
+            let pale = RGBColor(200, 200, 200);
+            chart.draw_series(LineSeries::new(front_steps(&self.series, x.1), pale.stroke_width(6)))?;
+            lines.push((Mark::Line, pale, "best of all".to_owned()));
         }
         for (index, series) in self.series.iter().enumerate() {
             let color = COLORS[index % COLORS.len()];
             let shown: Vec<_> = series.points.iter().filter(|point| is_shown(point)).collect();
             chart.draw_series(LineSeries::new(shown.iter().map(|p| (p.x, p.y)), color.stroke_width(2)))?;
+            let mark = [Mark::Circle, Mark::Triangle, Mark::Cross][(index / COLORS.len()).min(2)];
             for point in &shown {
                 if point.std_error > 0.0 {
                     let ends = [-1.0, 1.0].map(|sign| (point.x, (point.y + sign * point.std_error).clamp(y.0, y.1)));
                     chart.draw_series([PathElement::new(ends, color.stroke_width(1))])?;
                 }
-                let corner = EmptyElement::at((point.x, point.y));
-                // Curves that share a colour differ by their marker.
-                match index / COLORS.len() {
-                    0 => chart.draw_series([corner + Circle::new((0, 0), MARKER, color.filled())])?,
-                    1 => chart.draw_series([corner + TriangleMarker::new((0, 0), MARKER + 2, color.filled())])?,
-                    _ => chart.draw_series([corner + Cross::new((0, 0), MARKER, color.stroke_width(2))])?,
+                let place = EmptyElement::at((point.x, point.y));
+                match mark {
+                    Mark::Triangle => chart.draw_series([place + triangle((0, 0), color)])?,
+                    Mark::Cross => chart.draw_series([place + cross((0, 0), color)])?,
+                    _ => chart.draw_series([place + circle((0, 0), color)])?,
                 };
             }
-            lines.push((Some(index / COLORS.len()), color, series.label.clone()));
+            lines.push((mark, color, series.label.clone()));
         }
-        for (row, (marker, color, name)) in lines.into_iter().enumerate() {
+        for (row, (mark, color, name)) in lines.into_iter().enumerate() {
             let middle = 52 + 22 * row as i32;
-            right.draw(&PathElement::new([(6, middle), (34, middle)], color.stroke_width(2)))?;
-            match marker {
-                Some(0) => right.draw(&Circle::new((20, middle), MARKER, color.filled()))?,
-                Some(1) => right.draw(&TriangleMarker::new((20, middle), MARKER + 2, color.filled()))?,
-                Some(_) => right.draw(&Cross::new((20, middle), MARKER, color.stroke_width(2)))?,
-                None => {}
+            let dashes: &[(i32, i32)] = if mark == Mark::Dashes { &[(6, 12), (17, 23), (28, 34)] } else { &[(6, 34)] };
+            for &(from, to) in dashes {
+                right.draw(&PathElement::new([(from, middle), (to, middle)], color.stroke_width(2)))?;
+            }
+            match mark {
+                Mark::Circle => right.draw(&circle((20, middle), color))?,
+                Mark::Triangle => right.draw(&triangle((20, middle), color))?,
+                Mark::Cross => right.draw(&cross((20, middle), color))?,
+                Mark::Line | Mark::Dashes => {}
             }
             let style = TextStyle::from((FONT, 13).into_font()).pos(Pos::new(HPos::Left, VPos::Center));
             right.draw(&Text::new(name, (42, middle), style))?;
@@ -146,6 +149,28 @@ impl Chart {
         root.present()?;
         Ok(())
     }
+}
+
+/// How a curve looks in the legend. Curves that share a colour differ by their marker.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    Line,
+    Dashes,
+    Circle,
+    Triangle,
+    Cross,
+}
+
+fn circle(at: (i32, i32), color: RGBColor) -> Circle<(i32, i32), i32> {
+    Circle::new(at, MARKER, color.filled())
+}
+
+fn triangle(at: (i32, i32), color: RGBColor) -> TriangleMarker<(i32, i32), i32> {
+    TriangleMarker::new(at, MARKER + 2, color.filled())
+}
+
+fn cross(at: (i32, i32), color: RGBColor) -> Cross<(i32, i32), i32> {
+    Cross::new(at, MARKER, color.stroke_width(2))
 }
 
 fn is_shown(point: &ChartPoint) -> bool {

@@ -81,8 +81,8 @@ pub(crate) struct ErrorArgs {
     #[arg(long, value_name = "SECS", value_parser = parse_secs)]
     time_limit: Option<f64>,
     /// Draws of each picture. Two tell noise from bias, three give both an error bar.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=64))]
-    replicates: u32,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    replicates: Option<u32>,
     /// Seed of the first draw; those after it follow.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 31))]
     seed: u64,
@@ -111,14 +111,14 @@ impl Study {
         }
     }
 
-    /// Most samples and seconds of a draw: enough to see where a curve ends, and a whole study in under 20 minutes on a
-    /// software GPU with two cores.
-    fn budget(self) -> (u32, f64) {
+    /// Most samples and seconds of a draw, and draws: enough to see where a curve ends, and a whole study in under 20
+    /// minutes on a software GPU with two cores.
+    fn budget(self) -> (u32, f64, u32) {
         match self {
-            Self::Error => (256, 8.0),
-            Self::Presets => (64, 20.0),
-            Self::Densities => (32, 20.0),
-            Self::Peers => (256, 16.0),
+            Self::Error => (256, 6.0, 3),
+            Self::Presets => (64, 15.0, 2),
+            Self::Densities => (32, 15.0, 2),
+            Self::Peers => (256, 16.0, 2),
         }
     }
 
@@ -189,14 +189,14 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         let truth = case.truth(&stage, args.truth_spp, &folder.join("truth"))?;
         for variant in &variants {
             bar.set_message(format!("{}: {}", case.name, variant.label()));
-            let (samples, time_limit_secs) = study.budget();
+            let (samples, time_limit_secs, replicates) = study.budget();
             let key = Key {
                 case: case.name.clone(),
                 scene_id: case.scene.id.to_string(),
                 size: case.size,
                 variant: variant.clone(),
                 truth: truth.source.clone(),
-                replicates: args.replicates,
+                replicates: args.replicates.unwrap_or(replicates),
                 seed: args.seed,
                 samples: args.samples.unwrap_or(samples),
                 time_limit_ms: (args.time_limit.unwrap_or(time_limit_secs) * 1e3) as u64,

@@ -6,6 +6,7 @@ mod peers;
 mod record;
 mod scale;
 mod scale_scene;
+mod second_camera;
 mod stage;
 mod tables;
 mod variant;

@@ -18,12 +18,12 @@ use surfelcast_techniques::{SessionState, SurfelSettings};
 
 use crate::bench::scale_scene::{camera, tessellated_room};
 use crate::bench::stage::{Cost, Shot, Stage};
-use crate::bench::{OutputArgs, device_name, progress_bar, write_file};
+use crate::bench::{OutputArgs, device_name, progress_bar, second_camera, write_file};
 use crate::cli::parse_size;
 use crate::failure::Failure;
 
 /// The technique under test, and the one that is compared with it where triangles grow.
-const SURFEL: &str = "surfel";
+pub(super) const SURFEL: &str = "surfel";
 const PATH: &str = "path";
 /// The pass that looks surfels up for pixels.
 const LOOKUP_PASS: &str = "surfel_shade";
@@ -31,11 +31,7 @@ const LOOKUP_PASS: &str = "surfel_shade";
 const FRAMES_BEFORE: u32 = 8;
 /// Frames of each camera that has been there before.
 const FRAMES_OF_OTHERS: u32 = 4;
-/// Goal of surfels on the session that converges, tone-mapped, and most frames until it has: a loose goal, so that the wait
-/// is short; what is measured afterwards does not depend on it.
-const CONVERGED_TARGET: f32 = 0.02;
-const MOST_FRAMES: u32 = 512;
-const SEED: u64 = 1;
+pub(super) const SEED: u64 = 1;
 /// Name of the markers and of the record.
 const NAME: &str = "scale";
 
@@ -80,6 +76,8 @@ fn parse_radius(text: &str) -> Result<f32, String> {
 struct Row {
     key: Key,
     values: BTreeMap<String, f64>,
+    /// Why there are no values.
+    refusal: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,6 +124,7 @@ impl Point {
     fn measure(self, stage: &Stage<'_>, frames: u32) -> Result<BTreeMap<String, f64>, Failure> {
         let settings = SurfelSettings::default();
         match self {
+            Self::SecondCamera => second_camera::measure(stage, frames),
             Self::Triangles(_) => {
                 let mut values = measure_surfels(stage, settings, 0, frames)?;
                 let mut shot = stage.shot(PATH, settings, camera(0), SEED, &SessionState::default())?;
@@ -141,7 +140,6 @@ impl Point {
                 measure_surfels(stage, SurfelSettings { radius_pixels: radius, ..settings }, 0, frames)
             }
             Self::Cameras(others) => measure_surfels(stage, settings, others, frames),
-            Self::SecondCamera => measure_second_camera(stage, settings, frames),
         }
     }
 }
@@ -227,48 +225,6 @@ fn measure_surfels(
     Ok(values.map(|(name, value)| (name.to_owned(), value)).into())
 }
 
-/// What a second camera adds on a session that has converged, against what the first one took.
-fn measure_second_camera(
-    stage: &Stage<'_>,
-    settings: SurfelSettings,
-    frames: u32,
-) -> Result<BTreeMap<String, f64>, Failure> {
-    let settings = SurfelSettings { target_error: CONVERGED_TARGET, ..settings };
-    let session = SessionState::default();
-    let run = |shot: &mut Shot<'_>| -> Result<[f64; 5], Failure> {
-        shot.render(frames, f64::INFINITY)?;
-        let start = shot.cost.clone();
-        let mut samples = frames;
-        // Converged once several frames in a row asked for no ray.
-        let (mut quiet, mut last) = (0, start.clone());
-        while quiet < frames && samples < MOST_FRAMES {
-            last = shot.cost.clone();
-            samples += 1;
-            shot.render(samples, f64::INFINITY)?;
-            quiet = if shot.cost.rays[1] == last.rays[1] { quiet + 1 } else { 0 };
-        }
-        let end = between(&last, &shot.cost);
-        let a_frame = f64::from(frames);
-        Ok([
-            start.gpu_secs * 1e3 / a_frame,
-            start.rays[1] as f64 / a_frame,
-            f64::from(samples - quiet),
-            end.gpu_secs * 1e3,
-            end.rays[1] as f64,
-        ])
-    };
-    let near = crate::bench::stage::camera_aside(stage.scene, &camera(0));
-    let mut first = stage.shot(SURFEL, settings, camera(0), SEED, &session)?;
-    let first_costs = run(&mut first)?;
-    let mut second = stage.shot(SURFEL, settings, near, SEED, &session)?;
-    let second_costs = run(&mut second)?;
-    let names = ["gpu_ms", "cache_rays", "frames_to_converge", "converged_gpu_ms", "converged_cache_rays"];
-    let named = |which: &str, costs: [f64; 5]| names.map(|name| format!("{which}_{name}")).into_iter().zip(costs);
-    let mut values: BTreeMap<String, f64> = named("first", first_costs).chain(named("second", second_costs)).collect();
-    values.insert("share".to_owned(), second_costs[0] / first_costs[0]);
-    Ok(values)
-}
-
 pub(crate) fn run(args: &ScaleArgs) -> Result<(), Failure> {
     args.output.check_table(NAME)?;
     let gpu = args.output.gpu()?;
@@ -301,8 +257,12 @@ pub(crate) fn run(args: &ScaleArgs) -> Result<(), Failure> {
                 held = Some((triangles, tessellated_room(triangles)?));
             }
             if let Some((_, scene)) = &held {
-                let values = measure(&gpu, scene, args, point)?;
-                rows.push(Row { key: key.clone(), values });
+                let (values, refusal) = match (point, measure(&gpu, scene, args, point)) {
+                    // A cache may be larger than what this device binds at once: that is a result too.
+                    (Point::Capacity(_), Err(Failure::Input(reason))) => (BTreeMap::new(), Some(reason)),
+                    (_, outcome) => (outcome?, None),
+                };
+                rows.push(Row { key: key.clone(), values, refusal });
                 let json = serde_json::to_vec_pretty(&rows).map_err(|error| Failure::runtime(error.to_string()))?;
                 write_file(&path, &json)?;
                 write_file(&path.with_extension("csv"), csv(&rows).as_bytes())?;
@@ -339,7 +299,7 @@ fn read_rows(path: &std::path::Path) -> Result<Vec<Row>, Failure> {
 /// One line a value.
 fn csv(rows: &[Row]) -> String {
     let mut text = "series,at,triangles,width,height,frames,quantity,value,device,version\n".to_owned();
-    for Row { key, values } in rows {
+    for Row { key, values, .. } in rows {
         for (name, value) in values {
             let [width, height] = key.size;
             // Writing to a string cannot fail.
@@ -377,7 +337,12 @@ fn markdown(rows: &[Row], args: &ScaleArgs) -> String {
     let mut table = |title: String, series: &str, columns: &[(&str, &str, usize)]| {
         let heads: Vec<_> = columns.iter().map(|(head, ..)| *head).collect();
         let _ = writeln!(text, "\n{title}\n\n| {} |\n|{}", heads.join(" | "), "---|".repeat(heads.len()));
+        let mut refusals = Vec::new();
         for row in rows.iter().filter(|row| row.key.series == series) {
+            if let Some(reason) = &row.refusal {
+                refusals.push(format!("\n{}: {reason}.\n", row.key.at));
+                continue;
+            }
             let cells: Vec<_> = columns
                 .iter()
                 .map(|(_, name, digits)| match row.values.get(*name) {
@@ -387,6 +352,7 @@ fn markdown(rows: &[Row], args: &ScaleArgs) -> String {
                 .collect();
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
+        text += &refusals.concat();
     };
     table(
         format!(
@@ -437,30 +403,8 @@ fn markdown(rows: &[Row], args: &ScaleArgs) -> String {
         "cameras",
         &cache(("cameras before", "")),
     );
-    if let Some(Row { values, .. }) = rows.iter().find(|row| row.key.series == "second_camera") {
-        let value = |name: &str| values.get(name).copied().unwrap_or(0.0);
-        let _ = writeln!(
-            text,
-            "\nA second camera on a converged session (surfels at {CONVERGED_TARGET} standard error), 15 degrees or less aside of \
-             the first, takes {:.0} % of the GPU time that the first took from an empty session, over the first {} frames of \
-             each; below 35 % is asked.\n\n\
-             | camera | GPU ms a frame at first | rays of the cache a frame | frames until no surfel asks for rays | GPU ms a frame \
-             after that | rays of the cache after that |\n|---|---|---|---|---|---|",
-            100.0 * value("share"),
-            args.frames,
-        );
-        for which in ["first", "second"] {
-            let of = |name: &str| value(&format!("{which}_{name}"));
-            let _ = writeln!(
-                text,
-                "| {which} | {:.1} | {:.0} | {:.0} | {:.1} | {:.0} |",
-                of("gpu_ms"),
-                of("cache_rays"),
-                of("frames_to_converge"),
-                of("converged_gpu_ms"),
-                of("converged_cache_rays"),
-            );
-        }
+    if let Some(row) = rows.iter().find(|row| row.key.series == "second_camera") {
+        text += &second_camera::markdown(&row.values, args.frames);
     }
     text
 }

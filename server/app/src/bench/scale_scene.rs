@@ -123,15 +123,20 @@ pub(super) fn tessellated_room(triangles: u32) -> Result<Scene, Failure> {
     Ok(load_bytes(&glb.finish(), "tessellated_room", &LoadOptions::default())?)
 }
 
-/// Cameras along the walls that look across the room, each from another side.
-pub(super) fn camera(number: u32) -> Camera {
-    let (sin, cos) = (f64::from(number) * GOLDEN_ANGLE).sin_cos();
+/// A camera by the wall at an angle about the room's middle, radians, that looks across the room.
+pub(super) fn camera_at(angle: f64) -> Camera {
+    let (sin, cos) = angle.sin_cos();
     Camera {
         position: DVec3::new(2.5 * cos, 1.7, 2.5 * sin),
         target: DVec3::new(-0.4 * cos, 0.4, -0.4 * sin),
         up: DVec3::Y,
         vfov: 1.1,
     }
+}
+
+/// Cameras each of which stands elsewhere.
+pub(super) fn camera(number: u32) -> Camera {
+    camera_at(f64::from(number) * GOLDEN_ANGLE)
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ pub(super) fn errors(curves: &[Curve]) -> String {
     }
     text += "\nAt the last budget:\n\n\
              | picture | technique | samples | s | of that GPU | Mrays camera, further, shadow | RMSE | rel. MSE | FLIP | bias | \
-             noise | audit / RMSE |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+             noise | mean | audit / RMSE |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
     for (case, of_case) in by_case(curves) {
         for (row, curve) in of_case.iter().enumerate() {
             let Some(p) = curve.points.last() else { continue };
@@ -94,7 +94,7 @@ pub(super) fn errors(curves: &[Curve]) -> String {
             let rays = [p.rays_primary, p.rays_secondary, p.rays_shadow].map(|rays| format!("{:.2}", rays / 1e6));
             let _ = writeln!(
                 text,
-                "| {name} | {} | {} | {:.2} | {:.2} | {} | {} | {:.4} | {:.3} | {} | {} | {} |",
+                "| {name} | {} | {} | {:.2} | {:.2} | {} | {} | {:.4} | {:.3} | {} | {} | {:+.2} % | {} |",
                 curve.key.variant.label(),
                 p.samples,
                 p.secs,
@@ -105,6 +105,7 @@ pub(super) fn errors(curves: &[Curve]) -> String {
                 p.flip,
                 root(p.bias_squared, p.bias_squared_std_error),
                 root(p.variance, p.variance_std_error),
+                100.0 * p.mean_bias,
                 audit_ratio(p),
             );
         }
@@ -285,7 +286,7 @@ pub(super) fn charts(curves: &[Curve], folder: &Path, study: &str) -> Result<(),
         .collect();
     let count = by_case(curves).len();
     Chart {
-        title: format!("Geometric means over {count} pictures"),
+        title: format!("Geometric means over {count} {}", if count == 1 { "picture" } else { "pictures" }),
         x_label: "seconds of rendering".to_owned(),
         y_label: rmse.to_owned(),
         series,
