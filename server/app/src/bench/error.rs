@@ -25,6 +25,10 @@ const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small", "sponza", "class
 const BUILT_IN: [&str; 2] = ["demo:cornell_box", "demo:interior"];
 /// Frames of the camera before, where the cache is warm: until it has settled in all but the noisiest places.
 const WARM_FRAMES: u32 = 64;
+/// Seconds of rendering of a whole study, where none are given for a draw: enough to see where curves end, and under 20
+/// minutes with all that is not timed, on a software GPU with two cores too. No draw is held to less than the least.
+const STUDY_SECS: f64 = 900.0;
+const LEAST_SECS: f64 = 2.0;
 /// Keeps the random numbers of the camera before apart.
 const WARM_SEED: u64 = 1 << 32;
 
@@ -77,7 +81,7 @@ pub(crate) struct ErrorArgs {
     /// Samples a pixel at most; budgets are the powers of two up to there.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     samples: Option<u32>,
-    /// Seconds of rendering of one draw at most.
+    /// Seconds of rendering of one draw at most; by default so many that a study takes about a quarter of an hour.
     #[arg(long, value_name = "SECS", value_parser = parse_secs)]
     time_limit: Option<f64>,
     /// Draws of each picture. Two tell noise from bias, three give both an error bar.
@@ -111,14 +115,13 @@ impl Study {
         }
     }
 
-    /// Most samples and seconds of a draw, and draws: enough to see where a curve ends, and a whole study in under 20
-    /// minutes on a software GPU with two cores.
-    fn budget(self) -> (u32, f64, u32) {
+    /// Most samples of a draw, and draws.
+    fn budget(self) -> (u32, u32) {
         match self {
-            Self::Error => (256, 6.0, 3),
-            Self::Presets => (64, 15.0, 2),
-            Self::Densities => (32, 15.0, 2),
-            Self::Peers => (256, 16.0, 2),
+            Self::Error => (256, 3),
+            Self::Presets => (64, 2),
+            Self::Densities => (32, 2),
+            Self::Peers => (256, 2),
         }
     }
 
@@ -172,6 +175,11 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
     let gpu = args.output.gpu()?;
     let folder = &args.output.out;
     let mut record = Record::open(&folder.join(study.name()).with_extension("json"))?;
+    let (samples, replicates) = study.budget();
+    let samples = args.samples.unwrap_or(samples);
+    let replicates = args.replicates.unwrap_or(replicates);
+    let draw_count = scenes.len() * variants.len() * replicates as usize;
+    let time_limit_secs = args.time_limit.unwrap_or_else(|| (STUDY_SECS / draw_count as f64).max(LEAST_SECS));
     let mut curves = Vec::new();
     let bar = progress_bar((scenes.len() * variants.len()) as u64);
     for scene in &scenes {
@@ -189,17 +197,16 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         let truth = case.truth(&stage, args.truth_spp, &folder.join("truth"))?;
         for variant in &variants {
             bar.set_message(format!("{}: {}", case.name, variant.label()));
-            let (samples, time_limit_secs, replicates) = study.budget();
             let key = Key {
                 case: case.name.clone(),
                 scene_id: case.scene.id.to_string(),
                 size: case.size,
                 variant: variant.clone(),
                 truth: truth.source.clone(),
-                replicates: args.replicates.unwrap_or(replicates),
+                replicates,
                 seed: args.seed,
-                samples: args.samples.unwrap_or(samples),
-                time_limit_ms: (args.time_limit.unwrap_or(time_limit_secs) * 1e3) as u64,
+                samples,
+                time_limit_ms: (time_limit_secs * 1e3) as u64,
                 device: device_name(&gpu),
                 version: env!("CARGO_PKG_VERSION").to_owned(),
             };
