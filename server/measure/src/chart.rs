@@ -202,17 +202,21 @@ fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     (most > 0.0).then(|| (least / 1.25, most * 1.25))
 }
 
-/// 1, 2 and 5 times powers of ten in a range; the powers alone where those would be many.
+/// Round numbers in a range: powers of ten and as many between them as there is room for.
 fn ticks((least, most): (f64, f64)) -> Vec<f64> {
     let decades = (least.log10().floor() as i32)..=(most.log10().ceil() as i32);
-    let steps: &[f64] = if (most / least).log10() > 4.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let steps: &[f64] = match (most / least).log10() {
+        span if span > 4.0 => &[1.0],
+        span if span > 1.0 => &[1.0, 2.0, 5.0],
+        _ => &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
+    };
     decades
         .flat_map(|decade| steps.iter().map(move |step| step * 10_f64.powi(decade)))
         .filter(|tick| (least..=most).contains(tick))
         .collect()
 }
 
-/// Short form of 1, 2 or 5 times a power of ten.
+/// Short form of a tick.
 fn label(value: f64) -> String {
     let exponent = value.log10().floor() as i32;
     match exponent {
@@ -236,6 +240,10 @@ mod tests {
     #[test]
     fn ticks_are_round_and_short() {
         assert_eq!(ticks((0.9, 11.0)).iter().map(|t| label(*t)).collect::<Vec<_>>(), ["1", "2", "5", "10"]);
+        assert_eq!(
+            ticks((0.035, 0.072)).iter().map(|t| label(*t)).collect::<Vec<_>>(),
+            ["0.04", "0.05", "0.06", "0.07"]
+        );
         let wide = ticks((1e-3, 2e7)).iter().map(|t| label(*t)).collect::<Vec<_>>();
         assert_eq!(wide.first().map(String::as_str), Some("0.001"));
         assert_eq!(wide.last().map(String::as_str), Some("10M"));
