@@ -1,4 +1,5 @@
 //! The benchmark as a person runs it.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs;
 use std::path::Path;

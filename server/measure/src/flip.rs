@@ -113,8 +113,7 @@ impl Plane {
                 *value += height * part;
             }
         }
-        values.iter_mut().for_each(|value| *value /= total);
-        Self { width: self.width, values }
+        Self { width: self.width, values: values.into_iter().map(|value| value / total).collect() }
     }
 
     /// Convolved along rows and then along columns; the border is repeated.
@@ -133,11 +132,12 @@ impl Plane {
 }
 
 /// Positive weights add up to 1, and so do the negative ones up to their sign.
-fn normalised(mut kernel: Vec<f64>) -> Vec<f64> {
+fn normalised(kernel: Vec<f64>) -> Vec<f64> {
     let positive: f64 = kernel.iter().filter(|value| **value > 0.0).sum();
     let negative: f64 = kernel.iter().filter(|value| **value < 0.0).map(|value| -value).sum();
-    kernel.iter_mut().for_each(|value| *value /= if *value > 0.0 { positive } else { negative.max(f64::MIN_POSITIVE) });
-    kernel
+    // One without negative weights has zeros at most on that side.
+    let negative = negative.max(f64::MIN_POSITIVE);
+    kernel.into_iter().map(|value| value / if value > 0.0 { positive } else { negative }).collect()
 }
 
 fn xyz(rgb: [f64; 3]) -> [f64; 3] {

@@ -32,10 +32,10 @@ impl Picture {
                 pixels[position.y() * *width + position.x()] = [f64::from(r), f64::from(g), f64::from(b)];
             },
         )
-        .map_err(|error| MeasureError::file(path, format!("cannot be read: {error}")))?;
+        .map_err(|error| MeasureError::file(path, &format!("cannot be read: {error}")))?;
         let (width, pixels) = image.layer_data.channel_data.pixels;
         if width == 0 || pixels.is_empty() {
-            return Err(MeasureError::file(path, "has no pixel"));
+            return Err(MeasureError::file(path, &"has no pixel"));
         }
         Ok(Self { size: [width, pixels.len() / width], pixels })
     }
@@ -137,7 +137,7 @@ mod tests {
     fn relative_error_of_known_pictures() {
         // Mean of the reference is 2, so the floor is 0.04: (1 / 1.04 + 4 / 9.04) / 2.
         let error = picture(&[[2.0; 3], [5.0; 3]]).relative_mse(&picture(&[[1.0; 3], [3.0; 3]]));
-        assert!((error - (1.0 / 1.04 + 4.0 / 9.04) / 2.0).abs() < 1e-12, "{error}");
+        assert!((error - f64::midpoint(1.0 / 1.04, 4.0 / 9.04)).abs() < 1e-12, "{error}");
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl Reference {
         let folder = shared.join("references");
         let masks = read_json(&shared.join("peers/masks.json")).unwrap_or(Value::Null);
         let entries = fs::read_dir(&folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
-        let entries = entries.map_err(|error| MeasureError::file(&folder, error))?;
+        let entries = entries.map_err(|error| MeasureError::file(&folder, &error))?;
         let mut files: Vec<_> = entries.iter().map(fs::DirEntry::path).collect();
         files.retain(|file| file.extension().is_some_and(|extension| extension == "json"));
         files.sort();
@@ -74,7 +74,7 @@ impl Reference {
 
     fn read(file: &Path, shared: &Path, masks: &Value) -> Result<Self, MeasureError> {
         let json = read_json(file)?;
-        let fault = |field: &str, what: &str| MeasureError::file(file, format!("{field} is {what}"));
+        let fault = |field: &str, what: &str| MeasureError::file(file, &format!("{field} is {what}"));
         let text = |field: &str| json[field].as_str().ok_or_else(|| fault(field, "no string"));
         let number = |value: &Value, field: &str| value.as_f64().ok_or_else(|| fault(field, "no number"));
         let (scene, camera) = (text("scene")?, text("camera")?);
@@ -106,8 +106,8 @@ impl Reference {
 }
 
 fn read_json(path: &Path) -> Result<Value, MeasureError> {
-    let text = fs::read_to_string(path).map_err(|error| MeasureError::file(path, error))?;
-    serde_json::from_str(&text).map_err(|error| MeasureError::file(path, error))
+    let text = fs::read_to_string(path).map_err(|error| MeasureError::file(path, &error))?;
+    serde_json::from_str(&text).map_err(|error| MeasureError::file(path, &error))
 }
 
 fn rectangles(value: &Value) -> Vec<Rectangle> {

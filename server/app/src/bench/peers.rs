@@ -34,6 +34,9 @@ pub(super) fn read(files: &[PathBuf]) -> Result<Peers, Failure> {
     Ok(peers)
 }
 
+/// Logarithms of seconds and squared errors by budget, to be averaged over draws.
+type Draws = BTreeMap<String, Vec<[f64; 2]>>;
+
 impl Peers {
     fn add(&mut self, scene: &str, camera: &str, peer: &str, times: [String; GOALS.len()]) {
         if !self.names.iter().any(|name| name == peer) {
@@ -51,8 +54,6 @@ impl Peers {
         };
         let [scene, camera, peer, budget] = [column("scene")?, column("camera")?, column("peer")?, column("budget_s")?];
         let numbers = [column("seconds")?, column("rmse_tm")?, column("reference_noise_tm")?];
-        // Logarithms of seconds and squared error by budget, to be averaged over draws.
-        type Draws = BTreeMap<String, Vec<[f64; 2]>>;
         let mut groups: Vec<([String; 3], Draws)> = Vec::new();
         for (number, line) in lines.enumerate() {
             let fields: Vec<&str> = line.split(',').collect();

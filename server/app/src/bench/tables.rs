@@ -175,10 +175,11 @@ pub(super) fn densities(curves: &[Curve]) -> String {
             continue;
         };
         let _ = writeln!(text, "{case} after {samples} frames: RMSE (surfels in use, seconds a frame)\n");
-        let heads: String = capacities.iter().map(|capacity| format!(" 2^{} surfels |", capacity.log2())).collect();
-        let _ = writeln!(text, "| radius, pixels |{heads}\n|---|{}", "---|".repeat(capacities.len()));
+        let heads: Vec<_> = capacities.iter().map(|capacity| format!("2^{} surfels", capacity.log2())).collect();
+        let dashes = "---|".repeat(capacities.len());
+        let _ = writeln!(text, "| radius, pixels | {} |\n|---|{dashes}", heads.join(" | "));
         for &radius in &radii {
-            let cells: String = capacities
+            let cells: Vec<_> = capacities
                 .iter()
                 .map(|&capacity| {
                     let is_it = |curve: &&&Curve| {
@@ -190,16 +191,16 @@ pub(super) fn densities(curves: &[Curve]) -> String {
                         .and_then(|curve| curve.points.iter().find(|point| point.samples == samples));
                     match point {
                         Some(p) => format!(
-                            " {:.4} ({:.0}, {:.2}) |",
+                            "{:.4} ({:.0}, {:.2})",
                             p.error,
                             p.surfels.unwrap_or(0.0),
                             p.secs / f64::from(p.samples)
                         ),
-                        None => " - |".to_owned(),
+                        None => "-".to_owned(),
                     }
                 })
                 .collect();
-            let _ = writeln!(text, "| {radius} |{cells}");
+            let _ = writeln!(text, "| {radius} | {} |", cells.join(" | "));
         }
     }
     text
