@@ -60,6 +60,8 @@ pub struct Chart {
     pub level: Option<(f64, String)>,
     /// The best that any curve offers, as a step line: at each x the least y up to there.
     pub shows_front: bool,
+    /// Where x and y agree, as a dashed line.
+    pub shows_agreement: bool,
 }
 
 impl Chart {
@@ -106,6 +108,11 @@ impl Chart {
         if let Some((level, name)) = self.level.as_ref().filter(|(level, _)| *level > 0.0) {
             chart.draw_series(DashedLineSeries::new([(x.0, *level), (x.1, *level)], 3, 3, grey.stroke_width(1)))?;
             lines.push((Mark::Dashes, grey, name.clone()));
+        }
+        let (low, high) = (x.0.max(y.0), x.1.min(y.1));
+        if self.shows_agreement && low < high {
+            chart.draw_series(DashedLineSeries::new([(low, low), (high, high)], 3, 3, grey.stroke_width(1)))?;
+            lines.push((Mark::Dashes, grey, "agreement".to_owned()));
         }
         if self.shows_front {
             let pale = RGBColor(200, 200, 200);
@@ -272,6 +279,7 @@ mod tests {
             series,
             level: Some((0.02, "floor".to_owned())),
             shows_front: true,
+            shows_agreement: true,
         };
         chart.write(&path).expect("a plot");
         let text = std::fs::read_to_string(&path).expect("the plot");

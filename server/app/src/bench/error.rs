@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Picture, flip, shared_folder, split_error};
-use surfelcast_techniques::SessionState;
+use surfelcast_techniques::{SessionState, registry};
 
 use crate::bench::case::{Case, Truth, Wanted};
 use crate::bench::record::{Curve, Key, Point, Record};
@@ -180,7 +180,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
     let replicates = args.replicates.unwrap_or(replicates);
     let draw_count = scenes.len() * variants.len() * replicates as usize;
     let time_limit_secs = args.time_limit.unwrap_or_else(|| (STUDY_SECS / draw_count as f64).max(LEAST_SECS));
-    let mut curves = Vec::new();
+    let (mut curves, mut refusals) = (Vec::new(), String::new());
     let bar = progress_bar((scenes.len() * variants.len()) as u64);
     for scene in &scenes {
         bar.set_message(format!("{scene}: reading"));
@@ -197,6 +197,13 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         let truth = case.truth(&stage, args.truth_spp, &folder.join("truth"))?;
         for variant in &variants {
             bar.set_message(format!("{}: {}", case.name, variant.label()));
+            if let Some(Err(reason)) =
+                registry::by_id(&variant.technique).map(|entry| (entry.needs)(&case.scene.summary))
+            {
+                refusals += &format!("\n{} does not render {}: {reason}.\n", variant.label(), case.name);
+                bar.inc(1);
+                continue;
+            }
             let key = Key {
                 case: case.name.clone(),
                 scene_id: case.scene.id.to_string(),
@@ -225,7 +232,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         Study::Densities => tables::densities(&curves),
         Study::Peers => peers::table(&curves, &peers),
     };
-    args.output.publish(study.name(), &text)
+    args.output.publish(study.name(), &(text + &refusals))
 }
 
 /// Scenes asked for, else those with references, else the built-in ones.

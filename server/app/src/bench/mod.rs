@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_measure::replace_between_markers;
 
@@ -100,6 +102,30 @@ fn progress_bar(length: u64) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// What an earlier run wrote down; nothing where there is no such file.
+fn read_record<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Failure> {
+    match std::fs::read(path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| {
+            Failure::input(format!(
+                "{}: not a record of this program ({error}); choose another --out, or remove it",
+                path.display()
+            ))
+        }),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(Failure::input(format!("{}: {error}", path.display()))),
+    }
+}
+
+/// Writes a record down, and the same as CSV beside it.
+fn write_record<T: Serialize>(path: &Path, record: &[T], csv: &str) -> Result<(), Failure> {
+    let json = serde_json::to_vec_pretty(record).map_err(|error| Failure::runtime(error.to_string()))?;
+    // Written beside and renamed, so that an interrupt leaves the old file or the new one.
+    let written = path.with_extension("new");
+    write_file(&written, &json)?;
+    std::fs::rename(&written, path).map_err(|error| Failure::runtime(format!("{}: {error}", path.display())))?;
+    write_file(&path.with_extension("csv"), csv.as_bytes())
 }
 
 fn read_text(path: &Path) -> Result<String, Failure> {

@@ -100,16 +100,7 @@ pub(crate) struct Record {
 impl Record {
     /// Reads what an earlier run left; an empty record where there is none.
     pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
-        let curves = match std::fs::read(path) {
-            Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| {
-                Failure::input(format!(
-                    "{}: not a record of this program ({error}); choose another --out, or remove it",
-                    path.display()
-                ))
-            })?,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(Failure::input(format!("{}: {error}", path.display()))),
-        };
+        let curves = super::read_record(path)?;
         Ok(Self { path: path.to_owned(), curves })
     }
 
@@ -120,13 +111,7 @@ impl Record {
     /// Adds a curve and writes everything down.
     pub(crate) fn add(&mut self, curve: Curve) -> Result<(), Failure> {
         self.curves.push(curve);
-        let json = serde_json::to_vec_pretty(&self.curves).map_err(|error| Failure::runtime(error.to_string()))?;
-        // Written beside and renamed, so that an interrupt leaves the old file or the new one.
-        let written = self.path.with_extension("new");
-        super::write_file(&written, &json)?;
-        std::fs::rename(&written, &self.path)
-            .map_err(|error| Failure::runtime(format!("{}: {error}", self.path.display())))?;
-        super::write_file(&self.path.with_extension("csv"), csv(&self.curves).as_bytes())
+        super::write_record(&self.path, &self.curves, &csv(&self.curves))
     }
 }
 

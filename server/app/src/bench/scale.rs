@@ -18,7 +18,7 @@ use surfelcast_techniques::{SessionState, SurfelSettings};
 
 use crate::bench::scale_scene::{camera, tessellated_room};
 use crate::bench::stage::{Cost, Shot, Stage};
-use crate::bench::{OutputArgs, device_name, progress_bar, second_camera, write_file};
+use crate::bench::{OutputArgs, device_name, progress_bar, read_record, second_camera, write_record};
 use crate::cli::parse_size;
 use crate::failure::Failure;
 
@@ -229,7 +229,7 @@ pub(crate) fn run(args: &ScaleArgs) -> Result<(), Failure> {
     args.output.check_table(NAME)?;
     let gpu = args.output.gpu()?;
     let path = args.output.out.join(NAME).with_extension("json");
-    let mut rows = read_rows(&path)?;
+    let mut rows: Vec<Row> = read_record(&path)?;
     let points: Vec<Point> = (args.triangles.iter().map(|&count| Point::Triangles(count)))
         .chain(args.capacities.iter().map(|&power| Point::Capacity(power)))
         .chain(args.radii.iter().map(|&radius| Point::Radius(radius)))
@@ -263,9 +263,7 @@ pub(crate) fn run(args: &ScaleArgs) -> Result<(), Failure> {
                     (_, outcome) => (outcome?, None),
                 };
                 rows.push(Row { key: key.clone(), values, refusal });
-                let json = serde_json::to_vec_pretty(&rows).map_err(|error| Failure::runtime(error.to_string()))?;
-                write_file(&path, &json)?;
-                write_file(&path.with_extension("csv"), csv(&rows).as_bytes())?;
+                write_record(&path, &rows, &csv(&rows))?;
             }
         }
         current.extend(rows.iter().find(|row| row.key == key).cloned());
@@ -284,16 +282,6 @@ fn measure(gpu: &Gpu, scene: &Scene, args: &ScaleArgs, point: Point) -> Result<B
         .shot(SURFEL, SurfelSettings::default(), camera(0), SEED, &SessionState::default())?
         .render(1, f64::INFINITY)?;
     point.measure(&stage, args.frames)
-}
-
-fn read_rows(path: &std::path::Path) -> Result<Vec<Row>, Failure> {
-    match std::fs::read(path) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| {
-            Failure::input(format!("{}: not a record of this program ({error}); choose another --out", path.display()))
-        }),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
-        Err(error) => Err(Failure::input(format!("{}: {error}", path.display()))),
-    }
 }
 
 /// One line a value.
@@ -422,6 +410,7 @@ fn charts(rows: &[Row], args: &ScaleArgs) -> Result<(), Failure> {
             series,
             level: None,
             shows_front: false,
+            shows_agreement: false,
         }
         .write(&args.output.out.join(format!("{NAME}-{file}.svg")))
     };

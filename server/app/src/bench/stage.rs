@@ -189,3 +189,32 @@ pub(crate) fn camera_aside(scene: &Scene, camera: &Camera) -> Camera {
     let turned = glam::DQuat::from_axis_angle(up, TURN_DEGREES.to_radians()) * forward;
     Camera { target: camera.position + turned, ..*camera }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_aside_sees_the_same_place_from_elsewhere() {
+        let scene = crate::scene_file::load(std::path::Path::new("demo:cornell_box"), None, None).unwrap();
+        for named in &scene.cameras {
+            let aside = camera_aside(&scene, &named.camera);
+            assert!(aside.is_valid() && aside.position != named.camera.position, "{}", named.name);
+            let toward = aside.target - aside.position;
+            let hit = surfelcast_scene::trace::closest_hit(
+                &scene.geometry,
+                (aside.position - scene.origin).as_vec3(),
+                toward.as_vec3(),
+                0.0,
+                2.0,
+            );
+            assert!(hit.is_some_and(|hit| (hit.t - 1.0).abs() < 0.02), "{}: {hit:?}", named.name);
+            let (_, _, forward) = named.camera.frame();
+            assert!(toward.normalize_or(forward).dot(forward) > 0.95, "{}", named.name);
+        }
+        // Nothing to look at, nothing to step aside of: it turns.
+        let away = Camera { target: scene.cameras[0].camera.position + glam::DVec3::Z, ..scene.cameras[0].camera };
+        let turned = camera_aside(&scene, &away);
+        assert!(turned.position == away.position && turned.target != away.target);
+    }
+}

@@ -244,6 +244,30 @@ fn means_over_cases(curves: &[Curve]) -> Vec<(String, Vec<[f64; 2]>)> {
         .collect()
 }
 
+/// The renderer's own estimate over the measured error; on the line where both agree.
+fn audit_chart(case: &str, of_case: &[&Curve]) -> Chart {
+    let audited = |point: &Point| {
+        let std_error = point.audited_std_error.unwrap_or(0.0);
+        Some(ChartPoint { x: point.error, y: point.audited_rmse?, std_error })
+    };
+    let series = of_case
+        .iter()
+        .map(|curve| Series {
+            label: curve.key.variant.label(),
+            points: curve.points.iter().filter_map(audited).collect(),
+        })
+        .collect();
+    Chart {
+        title: format!("{case}: error audit"),
+        x_label: "RMSE, measured".to_owned(),
+        y_label: "RMSE, audited".to_owned(),
+        series,
+        level: None,
+        shows_front: false,
+        shows_agreement: true,
+    }
+}
+
 /// Error over seconds and over rays, one plot each for each case, and one over all.
 pub(super) fn charts(curves: &[Curve], folder: &Path, study: &str) -> Result<(), Failure> {
     let rmse = "RMSE, tone-mapped, noise of the truth taken out";
@@ -273,10 +297,12 @@ pub(super) fn charts(curves: &[Curve], folder: &Path, study: &str) -> Result<(),
             series,
             level: Some((noise, "noise of the truth".to_owned())),
             shows_front: false,
+            shows_agreement: false,
         };
         chart("seconds of rendering", series(|point| point.secs))
             .write(&folder.join(format!("{study}-{case}-seconds.svg")))?;
         chart("rays of all kinds", series(Point::rays)).write(&folder.join(format!("{study}-{case}-rays.svg")))?;
+        audit_chart(case, &of_case).write(&folder.join(format!("{study}-{case}-audit.svg")))?;
     }
     let series = means_over_cases(curves)
         .into_iter()
@@ -293,6 +319,7 @@ pub(super) fn charts(curves: &[Curve], folder: &Path, study: &str) -> Result<(),
         series,
         level: None,
         shows_front: true,
+        shows_agreement: false,
     }
     .write(&folder.join(format!("{study}-pareto.svg")))?;
     Ok(())
