@@ -4,6 +4,7 @@
 //! after 1, 2, 4, 8, ... samples a pixel, so all budgets of a curve share their work; looking and auditing are not timed.
 //! A throw-away draw before it keeps compilation out of the times.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -200,7 +201,8 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
             if let Some(Err(reason)) =
                 registry::by_id(&variant.technique).map(|entry| (entry.needs)(&case.scene.summary))
             {
-                refusals += &format!("\n{} does not render {}: {reason}.\n", variant.label(), case.name);
+                // Writing to a string cannot fail.
+                let _ = writeln!(refusals, "\n{} does not render {}: {reason}.", variant.label(), case.name);
                 bar.inc(1);
                 continue;
             }
