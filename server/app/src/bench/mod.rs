@@ -42,7 +42,7 @@ enum BenchCommand {
 #[derive(Debug, Args)]
 struct OutputArgs {
     /// Folder for CSV, JSON and plots. What is in it already is not measured again.
-    #[arg(long, value_name = "DIR", default_value = "bench-results")]
+    #[arg(long, value_name = "DIR", default_value = "data/bench")]
     out: PathBuf,
     /// Document to write the tables into, between the markers of their name, such as `<!-- error: begin -->` and
     /// `<!-- error: end -->`.
