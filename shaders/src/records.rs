@@ -397,7 +397,7 @@ crate::gpu_structs! {
         pub camera_count: u32,
         /// Surfels that fit.
         pub capacity: u32,
-        /// Grid slots minus one.
+        /// Slots that cells of cascades are hashed to, minus one.
         pub slot_mask: u32,
         /// Updates so far.
         pub update: u32,
@@ -441,14 +441,16 @@ crate::gpu_structs! {
         pub rows: u32,
         /// Bit for each level that holds surfels.
         pub levels: u32,
-        /// Unused.
-        pub padding0: u32,
-        /// Unused.
-        pub padding1: u32,
-        /// Unused.
-        pub padding2: u32,
-        /// Unused.
-        pub padding3: [u32; 4],
+        /// Slots of the grid.
+        pub grid_slots: u32,
+        /// Of the trapezoidal grid: cells along each side of its cube.
+        pub grid_cells: u32,
+        /// Slices of each region around that.
+        pub grid_slices: u32,
+        /// Its centre, scene space.
+        pub grid_center: [f32; 3],
+        /// Half the edge of its cube, metres.
+        pub grid_half_edge: f32,
     }
 
     /// Uniforms of the tone map, 16 bytes.
@@ -501,4 +503,6 @@ pub mod surfel_switches {
     pub const DRIFT_TEST: u32 = 8;
     /// Ray hits are served from the cache.
     pub const FEEDBACK: u32 = 16;
+    /// The grid is the trapezoidal one.
+    pub const TRAPEZOIDAL: u32 = 32;
 }

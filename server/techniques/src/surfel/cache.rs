@@ -11,14 +11,15 @@ use surfelcast_shaders::records::{
 use crate::passes::counters;
 use crate::passes::scan::Scan;
 use crate::passes::upload::SceneBuffers;
-use crate::surfel::settings::{Estimator, SurfelSettings};
+use crate::surfel::grid::GridShape;
+use crate::surfel::settings::{Estimator, Grid, SurfelSettings};
 
 /// Smallest and largest capacity.
 const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];
 /// Share of the device's budget that a cache takes at most where its capacity is not given.
 const MEMORY_SHARE: u64 = 16;
-/// Grid entries for each surfel: cells are two radii wide, so none reaches into more.
-const ENTRIES_PER_SURFEL: u64 = 8;
+/// Grid entries for each surfel: cells of cascades are two radii wide, so none reaches into more.
+pub(crate) const ENTRIES_PER_SURFEL: u64 = 8;
 /// Cameras that decide on radii at most; more views are served all the same.
 const MAX_CAMERAS: usize = 8;
 /// Side of the smallest cells as a share of the scene's radius.
@@ -59,10 +60,13 @@ pub(crate) enum UpdateStage {
 pub struct SurfelCache {
     settings: SurfelSettings,
     seed: u64,
+    scene_radius: f32,
     cell_size: f32,
     radii: [f32; 2],
     pub(crate) capacity: u32,
-    pub(crate) slot_count: u32,
+    /// Slots of cascades, in which cameras and rays leave marks; their cells do not depend on the grid.
+    mark_slots: u32,
+    pub(crate) grid_shape: GridShape,
     pub(crate) scan: Scan,
     /// `SurfelRecord` by id.
     pub(crate) records: Buffer,
@@ -125,18 +129,20 @@ impl SurfelCache {
         seed: u64,
     ) -> Result<Self, GpuError> {
         let capacity = capacity_for(gpu, settings.capacity, pixel_count);
-        let slot_count = capacity * 2;
+        let mark_slots = capacity * 2;
         let surfels = u64::from(capacity);
         let candidate_count = SURFEL_HIT_CANDIDATES;
-        let grid_words = u64::from(slot_count) + 2 + surfels * ENTRIES_PER_SURFEL;
+        let grid_words = u64::from(mark_slots) + 1 + surfels * ENTRIES_PER_SURFEL;
         let cache = Self {
             settings,
             seed: seed ^ SEED_SALT,
+            scene_radius: scene.radius,
             cell_size: (scene.radius * CELL_SHARE).max(f32::MIN_POSITIVE),
             radii: RADIUS_SHARES.map(|share| (scene.radius * share).max(f32::MIN_POSITIVE)),
             capacity,
-            slot_count,
-            scan: Scan::new(gpu, slot_count + 1)?,
+            mark_slots,
+            grid_shape: GridShape::cascades(mark_slots),
+            scan: Scan::new(gpu, mark_slots + 1)?,
             records: buffer_of::<SurfelRecord>(gpu, "surfels", surfels)?,
             lights: buffer_of::<SurfelLight>(gpu, "surfel_lights", surfels)?,
             outputs: buffer_of::<SurfelOutput>(gpu, "surfel_outputs", surfels)?,
@@ -144,9 +150,9 @@ impl SurfelCache {
             flags: buffer_of::<u32>(gpu, "surfel_flags", surfels)?,
             lists: buffer_of::<u32>(gpu, "surfel_lists", surfels * 2)?,
             grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words)?,
-            slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(slot_count))?,
-            slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(slot_count))?,
-            slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(slot_count))?,
+            slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(mark_slots))?,
+            slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(mark_slots))?,
+            slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(mark_slots))?,
             values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
             claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
             rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
@@ -248,6 +254,36 @@ impl SurfelCache {
         Ok(())
     }
 
+    /// The grid's shape as the settings and the first camera have it now.
+    pub(crate) fn wanted_grid(&self) -> GridShape {
+        match (self.settings.grid, self.cameras.first()) {
+            (Grid::Cascades, _) => GridShape::cascades(self.mark_slots),
+            (Grid::Trapezoidal, Some((_, camera))) => {
+                GridShape::trapezoidal(*camera, self.scene_radius, self.settings.radius_pixels)
+            }
+            (Grid::Trapezoidal, None) => self.grid_shape,
+        }
+    }
+
+    /// Gives the grid a shape, and room for so many entries at least. What was in it is lost.
+    pub(crate) fn shape_grid(&mut self, gpu: &Gpu, shape: GridShape, entries: u64) -> Result<(), GpuError> {
+        self.grid_shape = shape;
+        let slots = u64::from(shape.slots);
+        if self.grid.size_bytes() < (slots + 1 + entries) * 4 {
+            self.grid = buffer_of::<u32>(gpu, "surfel_grid", slots + 1 + entries)?;
+        }
+        if self.slot_cursors.size_bytes() < slots * 4 {
+            self.slot_cursors = buffer_of::<u32>(gpu, "slot_cursors", slots)?;
+            self.scan = Scan::new(gpu, shape.slots + 1)?;
+        }
+        Ok(())
+    }
+
+    /// Entries that the grid has room for.
+    pub(crate) fn grid_room(&self) -> u64 {
+        (self.grid.size_bytes() / 4).saturating_sub(u64::from(self.grid_shape.slots) + 1)
+    }
+
     /// Uniforms of a dispatch; callers fill in what it works on.
     pub(crate) fn uniforms(&self, ray_budget: u32) -> SurfelUniforms {
         let mut cameras = [[0.0; 4]; MAX_CAMERAS];
@@ -265,12 +301,13 @@ impl SurfelCache {
             (settings.estimator == Estimator::Multiscale, surfel_switches::MULTISCALE),
             (self.calm_updates < DRIFT_UPDATES, surfel_switches::DRIFT_TEST),
             (settings.feeds_back, surfel_switches::FEEDBACK),
+            (settings.grid == Grid::Trapezoidal, surfel_switches::TRAPEZOIDAL),
         ];
         SurfelUniforms {
             cameras,
             camera_count: used.len() as u32,
             capacity: self.capacity,
-            slot_mask: self.slot_count - 1,
+            slot_mask: self.mark_slots - 1,
             update: self.update,
             seed: [self.seed as u32, (self.seed >> 32) as u32],
             cell_size: self.cell_size,
@@ -292,10 +329,11 @@ impl SurfelCache {
             columns: 0,
             rows: 0,
             levels: self.levels,
-            padding0: 0,
-            padding1: 0,
-            padding2: 0,
-            padding3: [0; 4],
+            grid_slots: self.grid_shape.slots,
+            grid_cells: self.grid_shape.cells,
+            grid_slices: self.grid_shape.slices,
+            grid_center: self.grid_shape.center,
+            grid_half_edge: self.grid_shape.half_edge,
         }
     }
 }

@@ -8,6 +8,7 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
+mod grid;
 mod kernels;
 mod look;
 mod settings;
@@ -24,7 +25,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, KNOBS, Knob, SurfelSettings};
+pub use settings::{Estimator, Grid, KNOBS, Knob, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -191,6 +192,7 @@ impl SurfelPicture {
                 .dispatch(workgroups_of(piece.pixel_count))?;
             add_passes(step, graph.submit()?.wait()?.passes);
         }
+        cache.file(work, step)?;
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
                 frame: bytemuck::bytes_of(frame),

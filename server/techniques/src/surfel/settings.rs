@@ -10,6 +10,16 @@ pub enum Estimator {
     Multiscale,
 }
 
+/// How surfels are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grid {
+    /// Hashed cells of power-of-two sizes, which depend on no camera.
+    #[default]
+    Cascades,
+    /// Uniform cells around the first camera and trapezoidal regions beyond (Brinck et al. 2021), to compare with.
+    Trapezoidal,
+}
+
 /// Settings of a cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelSettings {
@@ -36,6 +46,8 @@ pub struct SurfelSettings {
     pub estimator: Estimator,
     /// Ray hits are served from the cache. Off, every path is traced to its end.
     pub feeds_back: bool,
+    /// Grid.
+    pub grid: Grid,
 }
 
 impl SurfelSettings {
@@ -51,6 +63,7 @@ impl SurfelSettings {
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
+        grid: Grid::Cascades,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -154,6 +167,13 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| f32::from(settings.feeds_back),
         set: |settings, value| settings.feeds_back = value >= 0.5,
     },
+    Knob {
+        name: "grid",
+        range: [0.0, 1.0],
+        help: "how surfels are found, 0: cells of every size, for any number of cameras; 1: a trapezoidal grid around the first, to compare",
+        get: |settings| f32::from(settings.grid == Grid::Trapezoidal),
+        set: |settings, value| settings.grid = if value >= 0.5 { Grid::Trapezoidal } else { Grid::Cascades },
+    },
 ];
 
 impl SurfelSettings {
@@ -171,6 +191,11 @@ impl SurfelSettings {
         let Some(value) = value else { return Err(format!("{name}: takes a number from {least} to {most}")) };
         (knob.set)(self, value);
         Ok(())
+    }
+
+    /// Settings without those that change how the cache works and nothing of what is in it.
+    pub(crate) fn of_content(&self) -> Self {
+        Self { grid: Grid::default(), ..*self }
     }
 
     /// Value of a knob.

@@ -3,7 +3,7 @@
 //! Everything is allocated by prefix sums in the order of ids and every sum runs in a fixed order, so a cache is a function
 //! of its settings, its seed and what was asked of it.
 
-use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime};
+use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime, Ticket};
 use surfelcast_shaders::constants::SURFEL_HIT_CANDIDATES;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SurfelUniforms;
@@ -13,7 +13,7 @@ use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::passes::workgroups_of;
 use crate::path::merge_passes;
-use crate::surfel::cache::{SurfelCache, UpdateStage};
+use crate::surfel::cache::{ENTRIES_PER_SURFEL, SurfelCache, UpdateStage};
 use crate::surfel::kernels::KernelSet;
 use crate::technique::{Step, TechniqueError};
 
@@ -24,6 +24,9 @@ const BURST_ROUNDS: u32 = 24;
 const ROUNDS: u32 = 3;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
 const ROUND_GAIN: f32 = 0.01;
+/// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
+const MOST_ENTRIES_PER_SURFEL: u64 = 32;
+const MOST_CELLS: u32 = 4096;
 
 /// What a pass over the cache works with.
 pub(crate) struct Work<'a> {
@@ -62,10 +65,6 @@ impl SurfelCache {
     ) -> Result<f32, TechniqueError> {
         let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
-        if self.is_unfiled {
-            self.rebuild(work, self.live, step)?;
-            self.is_unfiled = false;
-        }
         let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
         let mut first_gain = 0.0;
         for round in 0..rounds {
@@ -164,27 +163,49 @@ impl SurfelCache {
         Ok(accepted)
     }
 
+    /// Files what is not in the grid yet, and files everything anew where the grid has to follow its camera.
+    pub(crate) fn file(&mut self, work: &Work<'_>, step: &mut Step) -> Result<(), TechniqueError> {
+        if self.is_unfiled || self.grid_shape != self.wanted_grid() {
+            self.rebuild(work, self.live, step)?;
+            self.is_unfiled = false;
+        }
+        Ok(())
+    }
+
     /// Lists the living and files them in the grid. `live` is how many there are now.
     fn rebuild(&mut self, work: &Work<'_>, live: u32, step: &mut Step) -> Result<(), TechniqueError> {
         let Work { gpu, kernels, .. } = *work;
         self.live = live;
-        let uniforms = self.uniforms(0);
-        let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_grid");
-        self.record_lists(&mut graph, kernels, bytes)?;
-        graph.clear(&self.grid)?;
-        graph.clear(&self.slot_cursors)?;
-        graph.clear(&self.answer)?;
-        graph
-            .pass(kernels.get("surfel_grid_count")?)
-            .uniform("cache", bytes)
-            .read("surfels", &self.records)
-            .read("surfel_lists", &self.lists)
-            .read_write("slot_counts", &self.grid)
-            .read_write("level_bits", &self.answer)
-            .dispatch(workgroups_of(live))?;
-        let levels = graph.read_back(&self.answer, 0..4)?;
-        self.scan.record(&mut graph, &self.grid, self.slot_count + 1)?;
+        self.record_lists(&mut graph, kernels, bytemuck::bytes_of(&self.uniforms(0)))?;
+        self.shape_grid(gpu, self.wanted_grid(), u64::from(self.capacity) * ENTRIES_PER_SURFEL)?;
+        // A surfel that the grid's camera is very close to would reach into more cells than there is room for.
+        let is_bounded = self.grid_shape.cells == 0;
+        let mut most_cells = if is_bounded { u32::MAX } else { MOST_CELLS };
+        let levels = loop {
+            let levels = self.record_grid_counts(&mut graph, kernels, most_cells)?;
+            if is_bounded {
+                break Some(levels);
+            }
+            let end = u64::from(self.grid_shape.slots) * 4;
+            let total = graph.read_back(&self.grid, end..end + 4)?;
+            let mut report = graph.submit()?.wait()?;
+            merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+            self.levels = u32_of(&report.take(levels)?);
+            let total = u64::from(u32_of(&report.take(total)?));
+            graph = gpu.graph("surfel_grid");
+            if total <= self.grid_room() {
+                break None;
+            }
+            if total <= u64::from(self.capacity) * MOST_ENTRIES_PER_SURFEL {
+                self.shape_grid(gpu, self.grid_shape, total.next_power_of_two())?;
+            } else {
+                most_cells /= 2;
+            }
+        };
+        let mut uniforms = self.uniforms(0);
+        uniforms.item_count = most_cells;
+        let bytes = bytemuck::bytes_of(&uniforms);
         graph
             .pass(kernels.get("surfel_grid_scatter")?)
             .uniform("cache", bytes)
@@ -197,11 +218,38 @@ impl SurfelCache {
             .pass(kernels.get("surfel_grid_sort")?)
             .uniform("cache", bytes)
             .read_write("grid", &self.grid)
-            .dispatch(workgroups_of(self.slot_count))?;
+            .dispatch(workgroups_of(self.grid_shape.slots))?;
         let mut report = graph.submit()?.wait()?;
-        self.levels = u32_of(&report.take(levels)?);
+        if let Some(levels) = levels {
+            self.levels = u32_of(&report.take(levels)?);
+        }
         merge_passes(&mut step.passes, report.passes);
         Ok(())
+    }
+
+    /// Counts each slot's entries, leaving out surfels in more than so many cells, and sums them up.
+    fn record_grid_counts(
+        &self,
+        graph: &mut Graph,
+        kernels: &KernelSet,
+        most_cells: u32,
+    ) -> Result<Ticket, TechniqueError> {
+        let mut uniforms = self.uniforms(0);
+        uniforms.item_count = most_cells;
+        graph.clear(&self.grid)?;
+        graph.clear(&self.slot_cursors)?;
+        graph.clear(&self.answer)?;
+        graph
+            .pass(kernels.get("surfel_grid_count")?)
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read_write("slot_counts", &self.grid)
+            .read_write("level_bits", &self.answer)
+            .dispatch(workgroups_of(self.live))?;
+        let levels = graph.read_back(&self.answer, 0..4)?;
+        self.scan.record(graph, &self.grid, self.grid_shape.slots + 1)?;
+        Ok(levels)
     }
 
     fn record_lists(&self, graph: &mut Graph, kernels: &KernelSet, cache: &[u8]) -> Result<(), TechniqueError> {
@@ -334,7 +382,7 @@ impl SurfelCache {
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
-    ) -> Result<surfelcast_gpu::Ticket, TechniqueError> {
+    ) -> Result<Ticket, TechniqueError> {
         let bytes = bytemuck::bytes_of(uniforms);
         let groups = workgroups_of(self.live);
         graph

@@ -4,6 +4,7 @@
 
 mod change;
 mod energy;
+mod grid;
 mod leaks;
 mod persistence;
 mod repeat;
