@@ -343,10 +343,10 @@ crate::gpu_structs! {
         pub surfel: u32,
         /// Sample number.
         pub sample: u32,
-        /// Unused.
-        pub padding0: u32,
-        /// Unused.
-        pub padding1: u32,
+        /// Bin by place and direction.
+        pub bin: u32,
+        /// Ray that is traced in this one's turn.
+        pub order: u32,
     }
 
     /// What surfels need to know of a visible point, 32 bytes.
@@ -505,4 +505,6 @@ pub mod surfel_switches {
     pub const FEEDBACK: u32 = 16;
     /// The grid is the trapezoidal one.
     pub const TRAPEZOIDAL: u32 = 32;
+    /// Rays are traced in the order of their bins.
+    pub const BINNING: u32 = 64;
 }

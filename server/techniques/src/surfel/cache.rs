@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS};
+use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS, SURFEL_TILE_WORDS};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{
     SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
@@ -90,6 +90,8 @@ pub struct SurfelCache {
     pub(crate) values: Buffer,
     pub(crate) claims: Buffer,
     pub(crate) rays: Buffer,
+    /// Rays of each bin, then the bins' first places.
+    pub(crate) bins: Buffer,
     pub(crate) candidates: Buffer,
     pub(crate) counters: Buffer,
     /// Living surfels.
@@ -156,6 +158,7 @@ impl SurfelCache {
             values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
             claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
             rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
+            bins: buffer_of::<u32>(gpu, "bins", u64::from(SURFEL_RAY_BINS))?,
             candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
             counters: counters::buffer(gpu)?,
             live: 0,
@@ -302,6 +305,7 @@ impl SurfelCache {
             (self.calm_updates < DRIFT_UPDATES, surfel_switches::DRIFT_TEST),
             (settings.feeds_back, surfel_switches::FEEDBACK),
             (settings.grid == Grid::Trapezoidal, surfel_switches::TRAPEZOIDAL),
+            (settings.bins_rays, surfel_switches::BINNING),
         ];
         SurfelUniforms {
             cameras,

@@ -72,6 +72,8 @@ const KERNELS: &[&str] = &[
     "surfel_relight",
     "surfel_request",
     "surfel_rays",
+    "surfel_bin_count",
+    "surfel_bin_scatter",
     "surfel_integrate",
     "surfel_share",
     "surfel_recycle",
@@ -207,7 +209,7 @@ impl SurfelPicture {
         }
         // A picture that has not seen the newest update uses that one; else it drives the next.
         if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
-            cache.begin_update(work, self.ray_budget(), step)?;
+            cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(), step)?;
         }
         self.phase = Phase::Update;
         Ok(())

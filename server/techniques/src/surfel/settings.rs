@@ -48,6 +48,8 @@ pub struct SurfelSettings {
     pub feeds_back: bool,
     /// Grid.
     pub grid: Grid,
+    /// Rays of an update are traced in the order of where they start and which way they go.
+    pub bins_rays: bool,
 }
 
 impl SurfelSettings {
@@ -64,6 +66,7 @@ impl SurfelSettings {
         estimator: Estimator::RunningMean,
         feeds_back: true,
         grid: Grid::Cascades,
+        bins_rays: false,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -174,6 +177,13 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| f32::from(settings.grid == Grid::Trapezoidal),
         set: |settings, value| settings.grid = if value >= 0.5 { Grid::Trapezoidal } else { Grid::Cascades },
     },
+    Knob {
+        name: "binning",
+        range: [0.0, 1.0],
+        help: "1: rays are sorted by place and direction before they are traced. The same picture; pays where memory is slower than sorting",
+        get: |settings| f32::from(settings.bins_rays),
+        set: |settings, value| settings.bins_rays = value >= 0.5,
+    },
 ];
 
 impl SurfelSettings {
@@ -195,7 +205,7 @@ impl SurfelSettings {
 
     /// Settings without those that change how the cache works and nothing of what is in it.
     pub(crate) fn of_content(&self) -> Self {
-        Self { grid: Grid::default(), ..*self }
+        Self { grid: Grid::default(), bins_rays: false, ..*self }
     }
 
     /// Value of a knob.

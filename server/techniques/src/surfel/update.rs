@@ -4,7 +4,7 @@
 //! of its settings, its seed and what was asked of it.
 
 use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime, Ticket};
-use surfelcast_shaders::constants::SURFEL_HIT_CANDIDATES;
+use surfelcast_shaders::constants::{SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SurfelUniforms;
 
@@ -274,6 +274,7 @@ impl SurfelCache {
     pub(crate) fn begin_update(
         &mut self,
         work: &Work<'_>,
+        frame: &[u8],
         ray_budget: u32,
         step: &mut Step,
     ) -> Result<(), TechniqueError> {
@@ -316,6 +317,23 @@ impl SurfelCache {
             .read_write("ray_total", &self.answer)
             .dispatch(workgroups_of(self.live))?;
         let ray_total = graph.read_back(&self.answer, 0..4)?;
+        if self.settings().bins_rays {
+            graph.clear(&self.bins)?;
+            self.bind(graph.pass(kernels.get("surfel_bin_count")?))
+                .uniform("cache", bytes)
+                .uniform("frame", frame)
+                .read_write("rays", &self.rays)
+                .read("ray_total", &self.answer)
+                .read_write("bin_counts", &self.bins)
+                .dispatch(workgroups_of(ray_budget))?;
+            self.scan.record(&mut graph, &self.bins, SURFEL_RAY_BINS)?;
+            graph
+                .pass(kernels.get("surfel_bin_scatter")?)
+                .read_write("rays", &self.rays)
+                .read("ray_total", &self.answer)
+                .read_write("bin_places", &self.bins)
+                .dispatch(workgroups_of(ray_budget))?;
+        }
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         self.is_relit = false;

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
+mod binning;
 mod change;
 mod energy;
 mod grid;
