@@ -28,6 +28,8 @@ const CELL_SHARE: f32 = 1.0 / 262_144.0;
 const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
 /// Updates after a change during which means may forget by themselves.
 const DRIFT_UPDATES: u32 = 256;
+/// Directions in which the first surfels are looked for, where they are not those of gaps.
+const INITIAL_RANGE: [f32; 2] = [256.0, 1_048_576.0];
 const SEED_SALT: u64 = 0x7375_7266_656c_0001;
 
 /// A camera that uses the cache.
@@ -255,6 +257,15 @@ impl SurfelCache {
             self.values = buffer_of::<u32>(gpu, "scan_values", candidates + 1)?;
         }
         Ok(())
+    }
+
+    /// Directions over the sphere for the first surfels: so many that discs of the size aimed at, with weights that average to
+    /// a third, cover it as much as is wanted.
+    pub(crate) fn initial_count(&self) -> u32 {
+        let pixel_size = self.cameras.first().map_or(1.0, |(_, camera)| camera.pixel_size);
+        let tangent = self.settings.radius_pixels * pixel_size;
+        let count = 3.0 * self.settings.coverage * 4.0 / (tangent * tangent).max(f32::MIN_POSITIVE);
+        (count.clamp(INITIAL_RANGE[0], INITIAL_RANGE[1]) as u32).min(self.capacity / 2)
     }
 
     /// The grid's shape as the settings and the first camera have it now.

@@ -25,7 +25,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, Grid, KNOBS, Knob, SurfelSettings};
+pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -74,6 +74,7 @@ const KERNELS: &[&str] = &[
     "surfel_rays",
     "surfel_bin_count",
     "surfel_bin_scatter",
+    "surfel_seed",
     "surfel_integrate",
     "surfel_share",
     "surfel_recycle",

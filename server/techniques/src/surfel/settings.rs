@@ -20,6 +20,18 @@ pub enum Grid {
     Trapezoidal,
 }
 
+/// Where a cache's first surfels go, before gaps are filled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Initial {
+    /// Where gaps are, as all later ones.
+    #[default]
+    Gaps = 0,
+    /// Along directions of a Fibonacci sphere around the camera.
+    Fibonacci = 1,
+    /// Along a Hilbert curve over the sphere around the camera, so that neighbours get neighbouring ids.
+    Hilbert = 2,
+}
+
 /// Settings of a cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelSettings {
@@ -50,6 +62,8 @@ pub struct SurfelSettings {
     pub grid: Grid,
     /// Rays of an update are traced in the order of where they start and which way they go.
     pub bins_rays: bool,
+    /// Where the first surfels go.
+    pub initial: Initial,
 }
 
 impl SurfelSettings {
@@ -67,6 +81,7 @@ impl SurfelSettings {
         feeds_back: true,
         grid: Grid::Cascades,
         bins_rays: false,
+        initial: Initial::Gaps,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -184,6 +199,19 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| f32::from(settings.bins_rays),
         set: |settings, value| settings.bins_rays = value >= 0.5,
     },
+    Knob {
+        name: "initial",
+        range: [0.0, 2.0],
+        help: "first surfels, 0: where the picture has gaps; 1: on a Fibonacci sphere around the camera; 2: along a Hilbert curve over it, which keeps neighbours together in memory",
+        get: |settings| settings.initial as u32 as f32,
+        set: |settings, value| {
+            settings.initial = match value.round() as u32 {
+                0 => Initial::Gaps,
+                1 => Initial::Fibonacci,
+                _ => Initial::Hilbert,
+            };
+        },
+    },
 ];
 
 impl SurfelSettings {
@@ -205,7 +233,7 @@ impl SurfelSettings {
 
     /// Settings without those that change how the cache works and nothing of what is in it.
     pub(crate) fn of_content(&self) -> Self {
-        Self { grid: Grid::default(), bins_rays: false, ..*self }
+        Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..*self }
     }
 
     /// Value of a knob.

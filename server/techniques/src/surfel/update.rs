@@ -15,6 +15,7 @@ use crate::passes::workgroups_of;
 use crate::path::merge_passes;
 use crate::surfel::cache::{ENTRIES_PER_SURFEL, SurfelCache, UpdateStage};
 use crate::surfel::kernels::KernelSet;
+use crate::surfel::settings::Initial;
 use crate::technique::{Step, TechniqueError};
 
 /// Pixels of a tile's side.
@@ -65,6 +66,9 @@ impl SurfelCache {
     ) -> Result<f32, TechniqueError> {
         let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
+        if self.settings().initial != Initial::Gaps && self.next_serial == 1 {
+            self.seed(work, asking.frame, step)?;
+        }
         let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
         let mut first_gain = 0.0;
         for round in 0..rounds {
@@ -84,6 +88,27 @@ impl SurfelCache {
         Ok(first_gain)
     }
 
+    /// The first surfels: as many directions over the whole sphere as discs of their size cover it to what is wanted.
+    fn seed(&mut self, work: &Work<'_>, frame: &[u8], step: &mut Step) -> Result<(), TechniqueError> {
+        let Work { gpu, kernels, scene, lights } = *work;
+        let directions = self.initial_count();
+        self.reserve(gpu, 0, directions)?;
+        let mut uniforms = self.uniforms(0);
+        // In one row, so that only neighbours in order are asked whether they crowd each other.
+        (uniforms.columns, uniforms.rows) = (directions, 1);
+        uniforms.item_count = SURFEL_HIT_CANDIDATES + directions;
+        uniforms.first_item = self.settings().initial as u32;
+        let mut graph = gpu.graph("surfel_seed");
+        self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_seed")?))))
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .uniform("frame", frame)
+            .read_write("candidates", &self.candidates)
+            .dispatch(workgroups_of(directions))?;
+        step.rays[1] += u64::from(directions);
+        self.accept(work, frame, graph, &uniforms, step)?;
+        Ok(())
+    }
+
     /// One new surfel for each tile at most. Returns how many were accepted.
     fn spawn_round(
         &mut self,
@@ -94,21 +119,34 @@ impl SurfelCache {
         step: &mut Step,
     ) -> Result<u32, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
-        let count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         let mut uniforms = self.uniforms(0);
         (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
-        uniforms.item_count = count;
+        uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         uniforms.first_item = round;
-        let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_spawn");
         self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_coverage")?))))
-            .uniform("cache", bytes)
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
             .uniform("frame", asking.frame)
             .read("visible", asking.visible)
             .read("visible_points", asking.points)
             .read_write("candidates", &self.candidates)
             .read_write("slot_seen", &self.slot_seen)
             .dispatch([tiles[0], tiles[1], 1])?;
+        self.accept(work, asking.frame, graph, &uniforms, step)
+    }
+
+    /// Makes surfels of the candidates that neither compete nor crowd. Returns how many were accepted.
+    fn accept(
+        &mut self,
+        work: &Work<'_>,
+        frame: &[u8],
+        mut graph: Graph,
+        uniforms: &SurfelUniforms,
+        step: &mut Step,
+    ) -> Result<u32, TechniqueError> {
+        let Work { kernels, scene, lights, .. } = *work;
+        let count = uniforms.item_count;
+        let bytes = bytemuck::bytes_of(uniforms);
         graph.clear(&self.claims)?;
         graph
             .pass(kernels.get("surfel_claim")?)
@@ -141,7 +179,7 @@ impl SurfelCache {
         lights
             .bind(scene.bind(graph.pass(kernels.get("surfel_probe")?)))
             .uniform("cache", bytes)
-            .uniform("frame", asking.frame)
+            .uniform("frame", frame)
             .read("candidates", &self.candidates)
             .read("scan_values", &self.values)
             .read("surfel_lists", &self.lists)
