@@ -58,6 +58,10 @@ bench-accuracy: build ## Error of every reference camera, written into BENCHMARK
 bench-surfels: build ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --bin surfel-table -- BENCHMARKS.md
 
+.PHONY: bench-locality
+bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
+	$(CARGO) run --release --locked --package surfelcast-tests --example surfel_locality -- BENCHMARKS.md
+
 .PHONY: film-strips
 film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
 	$(CARGO) run --release --locked --package surfelcast-tests --example film_strip -- docs

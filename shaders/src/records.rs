@@ -507,4 +507,6 @@ pub mod surfel_switches {
     pub const TRAPEZOIDAL: u32 = 32;
     /// Rays are traced in the order of their bins.
     pub const BINNING: u32 = 64;
+    /// What the picture at work sees is pinned.
+    pub const PINNING: u32 = 128;
 }

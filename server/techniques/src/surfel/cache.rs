@@ -89,6 +89,8 @@ pub struct SurfelCache {
     pub(crate) slot_seen: Buffer,
     /// Last update in which a ray was served from a slot.
     pub(crate) slot_used: Buffer,
+    /// Not 0 where a picture that pins looked into a slot.
+    pub(crate) slot_pinned: Buffer,
     pub(crate) values: Buffer,
     pub(crate) claims: Buffer,
     pub(crate) rays: Buffer,
@@ -98,6 +100,8 @@ pub struct SurfelCache {
     pub(crate) counters: Buffer,
     /// Living surfels.
     pub(crate) live: u32,
+    /// Surfels that stood before gaps were filled.
+    pub(crate) seeded: u32,
     pub(crate) next_serial: u32,
     /// Bit for each grid level that holds surfels.
     pub(crate) levels: u32,
@@ -112,6 +116,10 @@ pub struct SurfelCache {
     pub(crate) stage: UpdateStage,
     cameras: Vec<(u64, CacheCamera)>,
     next_camera: u64,
+    /// Cameras that pin what they see.
+    pinning: Vec<u64>,
+    /// The last of them is gone: pins are to be taken out.
+    pub(crate) has_stale_pins: bool,
     exposure: f32,
     /// Living surfels are not in the grid yet: the cache was just read from disk.
     pub(crate) is_unfiled: bool,
@@ -138,7 +146,7 @@ impl SurfelCache {
         let candidate_count = SURFEL_HIT_CANDIDATES;
         let grid_words = u64::from(mark_slots) + 1 + surfels * ENTRIES_PER_SURFEL;
         let cache = Self {
-            settings,
+            settings: settings.of_cache(),
             seed: seed ^ SEED_SALT,
             scene_radius: scene.radius,
             cell_size: (scene.radius * CELL_SHARE).max(f32::MIN_POSITIVE),
@@ -157,6 +165,7 @@ impl SurfelCache {
             slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(mark_slots))?,
             slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(mark_slots))?,
             slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(mark_slots))?,
+            slot_pinned: buffer_of::<u32>(gpu, "slot_pinned", u64::from(mark_slots))?,
             values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
             claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
             rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
@@ -164,6 +173,7 @@ impl SurfelCache {
             candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
             counters: counters::buffer(gpu)?,
             live: 0,
+            seeded: 0,
             next_serial: 1,
             levels: 0,
             answer: buffer_of::<u32>(gpu, "answer", 4)?,
@@ -173,6 +183,8 @@ impl SurfelCache {
             stage: UpdateStage::Idle,
             cameras: Vec::new(),
             next_camera: 0,
+            pinning: Vec::new(),
+            has_stale_pins: false,
             exposure: 1.0,
             is_unfiled: false,
             is_relit: false,
@@ -187,6 +199,7 @@ impl SurfelCache {
             &cache.grid,
             &cache.slot_seen,
             &cache.slot_used,
+            &cache.slot_pinned,
             &cache.rays,
             &cache.candidates,
             &cache.lists,
@@ -210,9 +223,17 @@ impl SurfelCache {
         [self.live, self.capacity]
     }
 
-    /// Registers a camera; the number names it from now on.
-    pub(crate) fn add_camera(&mut self) -> u64 {
+    /// Surfels that the first fill placed by [`crate::surfel::Initial`], with ids from 0 in the order of their directions.
+    pub fn seeded(&self) -> u32 {
+        self.seeded
+    }
+
+    /// Registers a camera, which pins what it sees or does not; the number names it from now on.
+    pub(crate) fn add_camera(&mut self, pins: bool) -> u64 {
         self.next_camera += 1;
+        if pins {
+            self.pinning.push(self.next_camera);
+        }
         self.next_camera
     }
 
@@ -228,6 +249,10 @@ impl SurfelCache {
     /// Forgets a camera.
     pub(crate) fn remove_camera(&mut self, camera: u64) {
         self.cameras.retain(|(known, _)| *known != camera);
+        if self.pinning.contains(&camera) {
+            self.pinning.retain(|known| *known != camera);
+            self.has_stale_pins |= self.pinning.is_empty();
+        }
     }
 
     /// The light changed: values stay as a first guess, and count for next to nothing.

@@ -136,7 +136,7 @@ impl SurfelPicture {
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
         let full_pixels = options.full_size[0].saturating_mul(options.full_size[1]);
         let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, full_pixels, options.seed)?;
-        let camera = cache.lock().add_camera();
+        let camera = cache.lock().add_camera(options.surfel.pins);
         Ok(Self {
             kernels,
             cache,
@@ -202,6 +202,7 @@ impl SurfelPicture {
                 visible: &self.visible,
                 points: &self.points,
                 size: self.options.size,
+                pins: self.options.surfel.pins,
             };
             let gain = cache.spawn(work, &asking, step)?;
             self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };

@@ -64,6 +64,9 @@ pub struct SurfelSettings {
     pub bins_rays: bool,
     /// Where the first surfels go.
     pub initial: Initial,
+    /// What this picture sees is kept until the picture is gone, however full the cache. A wish of the picture's: pictures that
+    /// differ in it share a cache.
+    pub pins: bool,
 }
 
 impl SurfelSettings {
@@ -82,6 +85,7 @@ impl SurfelSettings {
         grid: Grid::Cascades,
         bins_rays: false,
         initial: Initial::Gaps,
+        pins: false,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -212,6 +216,13 @@ pub const KNOBS: &[Knob] = &[
             };
         },
     },
+    Knob {
+        name: "pin",
+        range: [0.0, 1.0],
+        help: "1: surfels that this picture sees are never recycled while it is there, wherever it turns. Fills the cache for others",
+        get: |settings| f32::from(settings.pins),
+        set: |settings, value| settings.pins = value >= 0.5,
+    },
 ];
 
 impl SurfelSettings {
@@ -233,7 +244,12 @@ impl SurfelSettings {
 
     /// Settings without those that change how the cache works and nothing of what is in it.
     pub(crate) fn of_content(&self) -> Self {
-        Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..*self }
+        Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..self.of_cache() }
+    }
+
+    /// Settings without the wishes of a single picture.
+    pub(crate) fn of_cache(&self) -> Self {
+        Self { pins: false, ..*self }
     }
 
     /// Value of a knob.

@@ -6,7 +6,7 @@
 use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime, Ticket};
 use surfelcast_shaders::constants::{SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::SurfelUniforms;
+use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
 
 use crate::passes::counters;
 use crate::passes::lights::LightBuffers;
@@ -46,6 +46,8 @@ pub(crate) struct Asking<'a> {
     /// Points in it that need surfels.
     pub(crate) points: &'a Buffer,
     pub(crate) size: [u32; 2],
+    /// What it sees is kept.
+    pub(crate) pins: bool,
 }
 
 impl SurfelCache {
@@ -106,6 +108,7 @@ impl SurfelCache {
             .dispatch(workgroups_of(directions))?;
         step.rays[1] += u64::from(directions);
         self.accept(work, frame, graph, &uniforms, step)?;
+        self.seeded = self.live;
         Ok(())
     }
 
@@ -123,6 +126,9 @@ impl SurfelCache {
         (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
         uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         uniforms.first_item = round;
+        if asking.pins {
+            uniforms.switches |= surfel_switches::PINNING;
+        }
         let mut graph = gpu.graph("surfel_spawn");
         self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_coverage")?))))
             .uniform("cache", bytemuck::bytes_of(&uniforms))
@@ -131,6 +137,7 @@ impl SurfelCache {
             .read("visible_points", asking.points)
             .read_write("candidates", &self.candidates)
             .read_write("slot_seen", &self.slot_seen)
+            .read_write("slot_pinned", &self.slot_pinned)
             .dispatch([tiles[0], tiles[1], 1])?;
         self.accept(work, asking.frame, graph, &uniforms, step)
     }
@@ -201,8 +208,15 @@ impl SurfelCache {
         Ok(accepted)
     }
 
-    /// Files what is not in the grid yet, and files everything anew where the grid has to follow its camera.
+    /// Brings the cache up to date with its cameras: takes out pins of those gone, files what is not in the grid yet, and files
+    /// everything anew where the grid has to follow its camera.
     pub(crate) fn file(&mut self, work: &Work<'_>, step: &mut Step) -> Result<(), TechniqueError> {
+        if self.has_stale_pins {
+            let mut graph = work.gpu.graph("surfel_unpin");
+            graph.clear(&self.slot_pinned)?;
+            graph.submit()?.wait()?;
+            self.has_stale_pins = false;
+        }
         if self.is_unfiled || self.grid_shape != self.wanted_grid() {
             self.rebuild(work, self.live, step)?;
             self.is_unfiled = false;
@@ -464,6 +478,7 @@ impl SurfelCache {
             .read("surfel_lists", &self.lists)
             .read("slot_seen", &self.slot_seen)
             .read("slot_used", &self.slot_used)
+            .read("slot_pinned", &self.slot_pinned)
             .read_write("surfel_flags", &self.flags)
             .dispatch(groups)?;
         // How many are left; the lists follow only if that changed.

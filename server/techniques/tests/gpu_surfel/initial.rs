@@ -28,7 +28,10 @@ fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
     let look = cache.lock().look(&gpu, &rig.buffers, &rig.lights, &view, picture.features(), output, false);
     let pixels = rig.read(&look.unwrap().0);
     let covered = pixels.iter().filter(|pixel| pixel[0] >= settings.coverage).count() as f64 / pixels.len() as f64;
-    assert!(surfels.iter().zip(1..).all(|(surfel, serial)| surfel.record.serial == serial), "ids are not in order of birth");
+    assert!(
+        surfels.iter().zip(1..).all(|(surfel, serial)| surfel.record.serial == serial),
+        "ids are not in order of birth"
+    );
     (surfels.iter().map(|surfel| (Vec3::from(surfel.record.position) - eye).normalize()).collect(), covered)
 }
 

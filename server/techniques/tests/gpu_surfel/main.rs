@@ -9,6 +9,7 @@ mod grid;
 mod initial;
 mod leaks;
 mod persistence;
+mod pin;
 mod repeat;
 mod rig;
 mod scenes;
