@@ -34,6 +34,8 @@ const WAYS: [(&str, Initial); 3] =
 
 /// What a picture's ids tell.
 struct Locality {
+    /// Pairs of such pixels.
+    pairs: usize,
     /// Median difference of the ids of neighbouring pixels that show different surfels.
     distance: u32,
     /// Lines of memory for each surfel that a tile shows: 1 if no two lie together, 0.25 at best.
@@ -67,6 +69,7 @@ fn locality(ids: &[u32], end: u32) -> Locality {
     }
     distances.sort_unstable();
     Locality {
+        pairs: distances.len(),
         distance: distances.get(distances.len() / 2).copied().unwrap_or(0),
         lines: lines as f64 / surfels.max(1) as f64,
     }
@@ -128,7 +131,9 @@ fn main() -> Result<()> {
         let camera = scene.cameras.first().context("a demo scene has a camera")?.camera;
         for (name, initial) in WAYS {
             let ([seeded, surfels], [alone, all, turned]) = measure(&gpu, &scene, camera, initial)?;
-            let own = if seeded > 0 { format!("{} | {:.2}", alone.distance, alone.lines) } else { "- | -".to_owned() };
+            // Few pairs say nothing.
+            let own =
+                if alone.pairs > 100 { format!("{} | {:.2}", alone.distance, alone.lines) } else { "- | -".to_owned() };
             writeln!(
                 text,
                 "| {} | {name} | {seeded} of {surfels} | {own} | {} | {:.2} | {} | {:.2} |",

@@ -285,11 +285,11 @@ impl SurfelCache {
     }
 
     /// Directions over the sphere for the first surfels: so many that discs of the size aimed at, with weights that average to
-    /// a third, cover it as much as is wanted.
+    /// a third, cover it three times as much as is wanted on the average, and as much where they are thinnest.
     pub(crate) fn initial_count(&self) -> u32 {
         let pixel_size = self.cameras.first().map_or(1.0, |(_, camera)| camera.pixel_size);
         let tangent = self.settings.radius_pixels * pixel_size;
-        let count = 3.0 * self.settings.coverage * 4.0 / (tangent * tangent).max(f32::MIN_POSITIVE);
+        let count = 3.0 * 3.0 * self.settings.coverage * 4.0 / (tangent * tangent).max(f32::MIN_POSITIVE);
         (count.clamp(INITIAL_RANGE[0], INITIAL_RANGE[1]) as u32).min(self.capacity / 2)
     }
 

@@ -42,9 +42,9 @@ fn first_surfels_stand_around_the_camera_in_the_order_of_their_directions() {
     let (hilbert, hilbert_covered) = directions(Initial::Hilbert);
     println!("{} {} {} surfels", gaps.len(), fibonacci.len(), hilbert.len());
     println!("share covered {covered:.3} {fibonacci_covered:.3} {hilbert_covered:.3}");
-    // Twelve times the coverage over the squared tangent of a radius.
+    // 36 times the coverage over the squared tangent of a radius.
     let tangent = 2.0 * 2.0 * 0.6f32.tan() / SIZE[1] as f32;
-    let seeded = (12.0 * 0.3 / (tangent * tangent)) as usize;
+    let seeded = (36.0 * 0.3 / (tangent * tangent)) as usize;
     // Where consecutive ones crowd each other, in corners, one of them is left out.
     let begin = |all: &[Vec3]| all[..seeded * 9 / 10].to_vec();
     let (gaps, fibonacci, hilbert) = (gaps, begin(&fibonacci), begin(&hilbert));
