@@ -317,7 +317,7 @@ crate::gpu_structs! {
         pub fresh_rays: f32,
     }
 
-    /// What a gather reads of a surfel, 32 bytes.
+    /// What a gather reads of a surfel, 48 bytes.
     pub struct SurfelOutput {
         /// B of light that has bounced at least once.
         pub indirect: [f32; 3],
@@ -327,6 +327,10 @@ crate::gpu_structs! {
         pub direct: [f32; 3],
         /// Variance of the mean's luminance.
         pub variance: f32,
+        /// Change of B over a radius along the tangents, halves.
+        pub gradient: [u32; 3],
+        /// Unused.
+        pub padding: u32,
     }
 
     /// A surfel's ray and what it brought back, 48 bytes.
@@ -347,6 +351,38 @@ crate::gpu_structs! {
         pub bin: u32,
         /// Ray that is traced in this one's turn.
         pub order: u32,
+    }
+
+    /// Where a surfel's ray first hit, 32 bytes.
+    pub struct FirstHit {
+        /// Scene space; a direction where nothing was hit.
+        pub position: [f32; 3],
+        /// Triangle in leaf order, or `u32::MAX`.
+        pub bvh_triangle: u32,
+        /// Octahedral geometric normal.
+        pub normal: u32,
+        /// Whether light leaves in every direction alike.
+        pub is_matte: u32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+    }
+
+    /// One end's slot of an edge between surfels, 32 bytes.
+    pub struct SurfelEdge {
+        /// The other end.
+        pub neighbour: u32,
+        /// Its birth number; 0 for an empty slot.
+        pub serial: u32,
+        /// Shifted rays.
+        pub count: f32,
+        /// Mean squared luminance of their differences.
+        pub square: f32,
+        /// This end's part of the difference of B.
+        pub difference: [f32; 3],
+        /// Unused.
+        pub padding: u32,
     }
 
     /// What surfels need to know of a visible point, 32 bytes.
@@ -503,10 +539,12 @@ pub mod surfel_switches {
     pub const DRIFT_TEST: u32 = 8;
     /// Ray hits are served from the cache.
     pub const FEEDBACK: u32 = 16;
+    /// First hits are kept, to be reconnected to neighbours.
+    pub const SHIFTS: u32 = 32;
     /// The grid is the trapezoidal one.
-    pub const TRAPEZOIDAL: u32 = 32;
+    pub const TRAPEZOIDAL: u32 = 64;
     /// Rays are traced in the order of their bins.
-    pub const BINNING: u32 = 64;
+    pub const BINNING: u32 = 128;
     /// What the picture at work sees is pinned.
-    pub const PINNING: u32 = 128;
+    pub const PINNING: u32 = 256;
 }

@@ -51,7 +51,8 @@ test('a dragged slider sends start, moves and end, and keeps under the hand', on
   assert.equal(phases.filter((phase) => phase === 'end').length, 1);
   const { environment_strength: sent } = lights(server).at(-1).patch;
   assert.ok(sent > 3, `strength ${sent}`);
-  assert.ok(Math.abs(Number(await page.locator('#lights-panel').getByRole('spinbutton', { name: /Environment/ }).inputValue()) - sent) < 0.01 * sent);
+  const shown = Number(await page.locator('#lights-panel').getByRole('spinbutton', { name: /Environment/ }).inputValue());
+  assert.ok(Math.abs(shown - sent) < 0.01 * sent, `${shown} shown`);
 }));
 
 test('the sun is turned by azimuth and elevation', onStage(async ({ page, server }) => {
@@ -71,6 +72,105 @@ test('another person moving a light is seen here', onStage(async ({ page, server
   server.editLights({ set: { ...server.lights.lights[0], name: 'Evening sun' } });
   server.client.sendLights();
   await page.locator('#lights-panel').getByText('Evening sun').waitFor();
+}));
+
+test('what is typed into a field outlives the edits of others', onStage(async ({ page, server }) => {
+  const panel = page.locator('#lights-panel');
+  let echoes = 0;
+  // Somebody else's edit, seen to have arrived.
+  const echo = async (change = {}) => {
+    const name = `Lamp ${(echoes += 1)}`;
+    server.editLights({ set: { ...server.lights.lights[1], name, ...change } });
+    server.client.sendLights();
+    await panel.getByText(name, { exact: true }).waitFor();
+  };
+  for (const light of await panel.locator('.light summary').all()) await light.click();
+  const sun = panel.locator('.light').first();
+  const lamp = panel.locator('.light').nth(1);
+  for (const [where, name, typed, sent] of [
+    [sun, 'Azimuth', '90', ({ set }) => Math.abs(set.direction[0] / Math.hypot(set.direction[0], set.direction[2]) + 1) < 1e-9],
+    [sun, 'Elevation', '30', ({ set }) => Math.abs(set.direction[1] + 0.5) < 1e-9],
+    [sun, 'Intensity', '4', ({ set }) => set.intensity === 4],
+    [lamp, 'Core', '10', ({ set }) => set.cone_deg.join() === '10,40'],
+    [lamp, 'Position Y', '1.25', ({ set }) => set.position.join() === '0.5,1.25,0'],
+    [panel, 'Environment', '0.5', (patch) => patch.environment_strength === 0.5],
+    [panel, 'Emission', '2', (patch) => patch.emissive_strength === 2],
+  ]) {
+    const input = where.getByRole('spinbutton', { name: new RegExp(`^${name}`) });
+    const before = lights(server).length;
+    await input.fill(typed);
+    await echo();
+    assert.equal(await input.inputValue(), typed, name);
+    await input.press('Enter');
+    await until(name, () => lights(server).length > before);
+    assert.ok(sent(lights(server).at(-1).patch), `${name}: ${JSON.stringify(lights(server).at(-1).patch)}`);
+  }
+
+  // The rest of the same light follows while one of its fields is typed into, and is not undone by what was typed.
+  const [x, y] = ['X', 'Y'].map((axis) => lamp.getByRole('spinbutton', { name: `Position ${axis}` }));
+  await y.pressSequentially('5');
+  await echo({ position: [7, 1.5, 0] });
+  assert.deepEqual([await x.inputValue(), await y.inputValue()], ['7', '1.255']);
+  await x.focus();
+  await until('leaving submits', () => lights(server).at(-1).patch.set?.position.join() === '7,1.255,0');
+
+  // Escape gives up what was typed, and nothing is said.
+  const { length } = lights(server);
+  await y.fill('3');
+  await echo({ position: [7, 2, 0] });
+  await y.press('Escape');
+  assert.equal(await y.inputValue(), '2');
+  await y.fill('');
+  await x.focus();
+  assert.equal(await y.inputValue(), '2');
+  await echo({ position: [8, 2.5, 0] });
+  assert.deepEqual([await x.inputValue(), await y.inputValue()], ['7', '2.5'], 'a field about to be typed into stays still');
+  await y.focus();
+  assert.equal(await x.inputValue(), '8');
+  assert.equal(lights(server).length, length);
+}));
+
+test('echoes of earlier edits do not undo later ones', onStage(async ({ page, server }) => {
+  const panel = page.locator('#lights-panel');
+  const lamp = panel.locator('.light').nth(1);
+  await lamp.locator('summary').click();
+  const value = (name) => panel.getByRole('spinbutton', { name: new RegExp(`^${name}`) }).inputValue();
+  const step = (1.75 / 400) * 10;
+  // A slow line: edits arrive, but neither echo nor picture comes back by itself.
+  const { client } = server;
+  const tell = client.sendLights.bind(client);
+  client.sendLights = () => {};
+  server.silent = true;
+  const handle = lamp.getByRole('button', { name: /Move along X/ });
+  await handle.press('ArrowRight');
+  await until('the first edit', () => lights(server).length === 1);
+  const once = structuredClone(server.lights);
+  await handle.press('ArrowRight');
+  await until('the second edit', () => lights(server).length === 2);
+  const twice = server.lights;
+  server.lights = { ...once, environment_strength: 3 };
+  tell();
+  await until('the echo of the first, with what somebody else did', async () => (await value('Environment')) === '3');
+  server.lights = twice;
+  await handle.press('ArrowRight');
+  await until('the third edit', () => lights(server).length === 3);
+  const [x] = lights(server).at(-1).patch.set.position;
+  assert.ok(Math.abs(x - 0.5 - 3 * step) < 1e-9, `three steps of ${step} from 0.5 to ${x}`);
+
+  // Once the picture shows the edits, the server's word counts again; a refusal ends the wait too.
+  server.editLights({ set: { ...server.lights.lights[1], position: [7, 1, 0] }, emissive_strength: 4 });
+  tell();
+  await until('the rest', async () => (await value('Emission')) === '4');
+  assert.notEqual(await value('Position X'), '7');
+  server.silent = false;
+  client.touch();
+  await until('the picture', async () => (await value('Position X')) === '7');
+  server.silent = true;
+  await handle.press('ArrowRight');
+  await until('the fourth edit', () => lights(server).length === 4);
+  assert.notEqual(await value('Position X'), '7');
+  client.send({ t: 'error', code: 'invalid', detail: 'patch.set.position: too far away' });
+  await until('the former value', async () => (await value('Position X')) === '7');
 }));
 
 test('exposure is sent as a factor, technique by its id, and both survive a reconnect', onStage(

@@ -7,12 +7,13 @@ import { mkdtemp, rm } from 'node:fs/promises';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
+import { isDeepStrictEqual } from 'node:util';
 import { launch, until } from './support/browser.js';
 import { startServer } from './support/real-server.js';
 import { cardText, centre } from './support/stage.js';
 
 /** A software device renders slowly, and other work may share the machine. */
-const SLOW_MS = 180_000;
+const SLOW_MS = 600_000;
 
 /** Another scene than the demo may be named, to see how the page fares with it. */
 const SCENE = process.env.SURFELCAST_SCENE ? ['--scene', process.env.SURFELCAST_SCENE] : [];
@@ -33,6 +34,7 @@ before(async () => {
   server = await startServer({ data, args: SCENE });
   browser = await launch();
   page = await browser.newPage({ viewport: { width: 400, height: 400 }, reducedMotion: 'reduce' });
+  page.setDefaultTimeout(SLOW_MS);
   // Events of the view do not bubble, but they are captured on their way down.
   await page.addInitScript(() => {
     window.addEventListener('frame', ({ detail }) => (window.lastFrame = detail), true);
@@ -153,13 +155,17 @@ test('a double click focuses on a surface', async () => {
 
 test('once settled, traffic stops', async () => {
   await settled();
-  await page.waitForTimeout(2500);
-  const { pictures, sent } = traffic;
-  const before = [pictures, sent.length, traffic.received.length];
-  await page.waitForTimeout(5000);
-  const quiet = traffic.received.slice(before[2]).filter((text) => !/"t":"p[io]ng"/.test(text));
-  const spoken = traffic.sent.slice(before[1]).filter((text) => !/"t":"p[io]ng"/.test(text));
-  assert.deepEqual([traffic.pictures - pictures, quiet, spoken], [0, [], []]);
+  /** What goes over the wire in so many milliseconds, but for signs of life. */
+  const during = async (ms) => {
+    const { pictures, received, sent } = traffic;
+    const before = [received.length, sent.length];
+    await page.waitForTimeout(ms);
+    const texts = [received, sent].flatMap((list, i) => list.slice(before[i])).filter((text) => !/"t":"p[io]ng"/.test(text));
+    return [traffic.pictures - pictures, texts];
+  };
+  // The last figures and acknowledgements come after the picture.
+  await until('quiet', async () => isDeepStrictEqual(await during(1500), [0, []]));
+  assert.deepEqual(await during(5000), [0, []]);
 });
 
 test('the page comes back after the server was killed and restarted', async () => {
@@ -174,6 +180,7 @@ test('the page comes back after the server was killed and restarted', async () =
 
 test('the description of the HTTP interface is there', async () => {
   const docs = await browser.newPage();
+  docs.setDefaultTimeout(SLOW_MS);
   await docs.goto(`${server.address}/docs`);
   await docs.getByRole('heading', { name: /POST \/v1\/renders/ }).first().waitFor();
   await docs.close();

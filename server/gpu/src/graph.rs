@@ -190,6 +190,16 @@ impl PassBuilder<'_> {
         if self.kernel.binds(name) { self.read_write(name, buffer) } else { self }
     }
 
+    /// Binds the buffer with the access that the kernel declares, if this variant of it has such a binding.
+    pub fn bind_if_bound(self, name: &str, buffer: &Buffer) -> Self {
+        let access = self.kernel.reflection().bindings.iter().find(|binding| binding.name == name).map(|b| b.access);
+        match access {
+            Some(Access::StorageRead) => self.read(name, buffer),
+            Some(Access::StorageReadWrite) => self.read_write(name, buffer),
+            _ => self,
+        }
+    }
+
     /// Binds constants of this dispatch: the bytes of the structure the kernel declares.
     pub fn uniform(mut self, name: &str, bytes: &[u8]) -> Self {
         let Some(index) = self.slot(name, Access::Uniform) else { return self };

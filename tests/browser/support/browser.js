@@ -18,6 +18,9 @@ export function launch() {
   return chromium.launch({ executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium', headless: true, args: FLAGS });
 }
 
+/** How long anything may take before it counts as never: a busy machine is slow, and only a failure waits this long. */
+export const PATIENCE_MS = 60_000;
+
 /**
  * Waits until something holds, and says what did not.
  * @template T
@@ -26,7 +29,7 @@ export function launch() {
  * @param {number} [limitMs]
  * @returns {Promise<NonNullable<T>>}
  */
-export async function until(what, probe, limitMs = 15_000) {
+export async function until(what, probe, limitMs = PATIENCE_MS) {
   const end = Date.now() + limitMs;
   for (;;) {
     const value = await probe();

@@ -8,7 +8,7 @@ import { fileURLToPath } from 'node:url';
 
 const BINARY = process.env.SURFELCAST_BIN ?? fileURLToPath(new URL('../../../target/release/surfelcast', import.meta.url));
 /** Opening a device and loading the demo scenes takes a while on a software device. */
-const START_MS = 180_000;
+const START_MS = 600_000;
 
 /**
  * Starts the server and waits until it says where it listens.

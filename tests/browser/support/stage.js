@@ -4,7 +4,7 @@
 
 import { after, before } from 'node:test';
 import { FakeServer } from './fake-server.js';
-import { launch, until } from './browser.js';
+import { launch, PATIENCE_MS, until } from './browser.js';
 
 /** @type {import('playwright-core').Browser} */
 let browser;
@@ -32,6 +32,7 @@ export function onStage(run, { context: wishes = {}, path = '/', settled = true,
     const server = await new FakeServer().start();
     prepare?.(server);
     const context = await browser.newContext({ viewport: { width: 1000, height: 700 }, reducedMotion: 'reduce', ...wishes });
+    context.setDefaultTimeout(PATIENCE_MS);
     const page = await context.newPage();
     const errors = [];
     page.on('console', (message) => message.type() === 'error' && errors.push(message.text()));
@@ -50,7 +51,7 @@ export function onStage(run, { context: wishes = {}, path = '/', settled = true,
 }
 
 /** Waits until the page says that the picture has settled. */
-export const hasSettled = (page) => page.locator('#hud[data-state=settled]').waitFor({ timeout: 15_000 });
+export const hasSettled = (page) => page.locator('#hud[data-state=settled]').waitFor();
 
 /** What the status card says; empty while it is hidden. */
 export const cardText = (page) =>

@@ -15,6 +15,59 @@ const newId = () => `field-${(nextId += 1)}`;
  */
 
 /**
+ * Field for a number. While it has the focus its text is the user's, until Enter, leaving or Escape: what `set` tells
+ * meanwhile, such as another person's edit, is shown only then.
+ * @param {Record<string, unknown>} properties
+ * @param {(value: number) => string} text
+ * @param {(value: number) => void} commit told what was typed
+ */
+function numberInput(properties, text, commit) {
+  let value = 0;
+  let held = false;
+  const hold = () => (held = true);
+  const show = () => {
+    held = false;
+    input.value = text(value);
+  };
+  /** @param {KeyboardEvent} event */
+  const escape = (event) => {
+    if (event.key !== 'Escape' || input.value === text(value)) return;
+    event.stopPropagation();
+    show();
+  };
+  const input = h('input', {
+    type: 'number',
+    step: 'any',
+    inputMode: 'decimal',
+    ...properties,
+    onfocus: () => {
+      hold();
+      // Ahead of the inspector and the sheet, which the same key closes.
+      addEventListener('keydown', escape, true);
+    },
+    oninput: hold,
+    onchange: () => {
+      held = false;
+      const typed = input.valueAsNumber;
+      if (Number.isFinite(typed) && input.value !== text(value)) commit(typed);
+      else show();
+    },
+    onblur: () => {
+      removeEventListener('keydown', escape, true);
+      // Not when it is the window that was left.
+      if (document.activeElement !== input) show();
+    },
+  });
+  /** @param {number} next */
+  const set = (next) => {
+    value = next;
+    // Disabled fields lose the focus without an event.
+    if (!held || document.activeElement !== input) show();
+  };
+  return { input, set };
+}
+
+/**
  * Slider with a number beside it.
  * @param {object} options
  * @param {string} options.label
@@ -30,32 +83,22 @@ export function slider({ label, unit, range, bounds, scale, decimals, changed })
   const id = newId();
   const toValue = scale?.value ?? ((position) => position);
   const toPosition = scale?.position ?? ((value) => value);
-  /** @param {number} value */
-  const show = (value) => {
-    number.value = decimals === undefined ? field(value) : String(Number(value.toFixed(decimals)));
-  };
   const fill = () => bar.style.setProperty('--fill', `${(100 * (bar.valueAsNumber - range.min)) / (range.max - range.min)}%`);
-  const number = h('input', {
-    id,
-    type: 'number',
-    step: 'any',
-    min: bounds.min,
-    max: bounds.max,
-    inputMode: 'decimal',
-    onchange: () => {
-      const value = Number(number.value);
-      if (number.value === '' || !Number.isFinite(value)) return;
-      const kept = Math.min(bounds.max, Math.max(bounds.min, value));
+  const number = numberInput(
+    { id, ...bounds },
+    (value) => (decimals === undefined ? field(value) : String(Number(value.toFixed(decimals)))),
+    (typed) => {
+      const kept = Math.min(bounds.max, Math.max(bounds.min, typed));
       set(kept);
       changed(kept, true);
     },
-  });
+  );
   const bar = h('input', {
     type: 'range',
     ...range,
     'aria-label': label,
     oninput: () => {
-      show(toValue(bar.valueAsNumber));
+      number.set(toValue(bar.valueAsNumber));
       fill();
       changed(toValue(bar.valueAsNumber), false);
     },
@@ -63,7 +106,7 @@ export function slider({ label, unit, range, bounds, scale, decimals, changed })
   });
   /** @param {number} value */
   function set(value) {
-    show(value);
+    number.set(value);
     bar.value = String(toPosition(value));
     fill();
   }
@@ -72,7 +115,7 @@ export function slider({ label, unit, range, bounds, scale, decimals, changed })
     { className: 'field' },
     h('label', { htmlFor: id }, label, unit ? h('span', { className: 'unit' }, unit) : undefined),
     bar,
-    number,
+    number.input,
   );
   return { element, set };
 }
@@ -89,12 +132,15 @@ export function vector({ label, step, changed }) {
   let value = [0, 0, 0];
   const axes = ['X', 'Y', 'Z'].map((name, axis) => {
     let dragged = false;
-    /** @param {number} by @param {boolean} done */
-    const nudge = (by, done) => {
-      value = /** @type {typeof value} */ (value.map((part, i) => (i === axis ? part + by : part)));
-      input.value = field(/** @type {number} */ (value[axis]));
+    /** @param {number} part @param {boolean} done */
+    const put = (part, done) => {
+      value = /** @type {typeof value} */ (value.with(axis, part));
+      number.set(part);
       changed(value, done);
     };
+    /** @param {number} by @param {boolean} done */
+    const nudge = (by, done) => put(/** @type {number} */ (value[axis]) + by, done);
+    const number = numberInput({ 'aria-label': `${label} ${name}` }, field, (typed) => put(typed, true));
     const handle = h('button', {
       type: 'button',
       className: `scrub axis-${name.toLowerCase()}`,
@@ -118,32 +164,20 @@ export function vector({ label, step, changed }) {
         nudge(way * step() * (event.shiftKey ? 50 : 10), true);
       },
     });
-    const input = h('input', {
-      type: 'number',
-      step: 'any',
-      inputMode: 'decimal',
-      'aria-label': `${label} ${name}`,
-      onchange: () => {
-        const typed = Number(input.value);
-        if (input.value !== '' && Number.isFinite(typed)) nudge(typed - /** @type {number} */ (value[axis]), true);
-      },
-    });
-    return { handle, input };
+    return { handle, number };
   });
   const element = h(
     'div',
     { className: 'field vector', role: 'group', 'aria-label': label },
     h('span', { className: 'label' }, label, h('span', { className: 'unit' }, 'm')),
-    h('div', { className: 'axes' }, ...axes.flatMap(({ handle, input }) => [h('div', { className: 'axis' }, handle, input)])),
+    h('div', { className: 'axes' }, ...axes.map(({ handle, number }) => h('div', { className: 'axis' }, handle, number.input))),
   );
   return {
     element,
     /** @param {import('../protocol/messages.js').Vec3} next */
     set(next) {
       value = next;
-      axes.forEach(({ input }, axis) => {
-        input.value = field(/** @type {number} */ (next[axis]));
-      });
+      axes.forEach(({ number }, axis) => number.set(/** @type {number} */ (next[axis])));
     },
   };
 }

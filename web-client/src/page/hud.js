@@ -42,9 +42,6 @@ export class Hud {
   frame(frame) {
     this.#frame = frame;
     this.#stale = false;
-    const final = (frame.flags & flags.FINAL) !== 0;
-    // Something changed since; the next figures will say how far it is.
-    if (!final && this.#stats?.converged) this.#stats = { ...this.#stats, converged: false };
     this.#frameAt = performance.now();
     this.#schedule(INTERVAL_MS);
   }
@@ -71,14 +68,14 @@ export class Hud {
   live(live) {
     this.#live = live;
     if (!live) this.#stale = true;
-    this.#schedule(0);
+    this.#render();
   }
 
   /** Nothing is known any more. */
   clear() {
     this.#frame = undefined;
     this.#stats = undefined;
-    this.#schedule(0);
+    this.#render();
   }
 
   /** @param {number} ms */
@@ -93,7 +90,8 @@ export class Hud {
     this.element.hidden = !this.#frame;
     if (!this.#frame) return;
     const measured = this.view.measure();
-    const settled = !this.#moving && !this.#stale && (this.#stats?.converged ?? (this.#frame.flags & flags.FINAL) !== 0);
+    // Figures may come before the pictures that they tell of, which are decoded first.
+    const settled = !this.#moving && !this.#stale && (this.#frame.flags & flags.FINAL) !== 0 && this.#stats?.converged !== false;
     this.element.dataset['state'] = !this.#live ? 'away' : this.#moving ? 'moving' : settled ? 'settled' : 'refining';
     this.progress.textContent = this.#progressText(settled);
     const [width, height] = this.#frame.fullSize;

@@ -3,6 +3,7 @@
  */
 
 import { add, mix, normalize, scale, subtract, length } from '../view/vector.js';
+import { isAtOrAfter } from '../protocol/serial.js';
 import { Gesture } from '../view/gesture.js';
 import { h } from './dom.js';
 import { slider } from './fields.js';
@@ -17,8 +18,15 @@ const STRENGTH = logScale(1e-2, 1e2, 400);
 export class LightsPanel {
   /** @type {Map<number, LightEditor>} */
   #editors = new Map();
-  /** What the open gesture edits: a light's id or the name of a strength. @type {number | string | undefined} */
+  /**
+   * What was edited here last, until the picture shows it: a light's id or the name of a strength.
+   * @type {number | string | undefined}
+   */
   #editing;
+  /** Number of that input. */
+  #sent = 0;
+  /** @type {import('../protocol/messages.js').LightState | undefined} */
+  #state;
   /** Whether the next new light is ours, to be opened for editing. */
   #added = false;
   /** @type {Gesture<LightPatch>} */
@@ -30,7 +38,9 @@ export class LightsPanel {
    */
   constructor(host, view) {
     this.view = view;
-    this.#gesture = new Gesture((patch, phase) => view.editLights(patch, phase));
+    this.#gesture = new Gesture((patch, phase) => {
+      this.#sent = view.editLights(patch, phase);
+    });
     this.list = h('ul', { className: 'lights' });
     this.none = h('p', { className: 'empty', textContent: 'No point, spot or sun lights here. What lights the scene is its glowing surfaces and surroundings.' });
     /** @param {'point' | 'spot' | 'directional'} kind @param {string} text */
@@ -48,6 +58,7 @@ export class LightsPanel {
 
   /** @param {import('../protocol/messages.js').LightState} state */
   update(state) {
+    this.#state = state;
     const known = new Set(state.lights.map(({ id }) => id));
     for (const [id, editor] of this.#editors) {
       if (known.has(id)) continue;
@@ -64,10 +75,21 @@ export class LightsPanel {
     if (this.#editing !== 'emissive_strength') this.emissive.set(state.emissive_strength);
   }
 
+  /**
+   * The last edit is in the picture, or was refused: what the server says is newer now than what is shown here.
+   * @param {number} [inputSeq] last input in the picture
+   */
+  catchUp(inputSeq = this.#sent) {
+    if (this.#editing === undefined || this.#gesture.isOpen || !isAtOrAfter(inputSeq, this.#sent)) return;
+    this.#editing = undefined;
+    if (this.#state) this.update(this.#state);
+  }
+
   /** Another session's lights are about to come. */
   clear() {
     this.#gesture.abandon();
     this.#editing = undefined;
+    this.#state = undefined;
     this.#editors.clear();
     this.list.replaceChildren();
   }
@@ -76,7 +98,7 @@ export class LightsPanel {
   #show(light) {
     const editor = this.#editors.get(light.id);
     if (editor) {
-      // The hand on the slider knows better than the echo of where it was.
+      // The hand on the slider knows better than the echoes of where it was.
       if (this.#editing !== light.id) editor.update(light);
       return;
     }
@@ -98,14 +120,10 @@ export class LightsPanel {
    */
   #edit(subject, patch, done) {
     if (this.#editing !== undefined && this.#editing !== subject) this.#gesture.end();
-    if (!done) {
-      this.#editing = subject;
-      this.#gesture.move(patch);
-      return;
-    }
-    this.#editing = undefined;
-    // Replaces the last move by the value that was let go of.
-    this.#gesture.once(patch);
+    this.#editing = subject;
+    // At the end the value that was let go of replaces the last move.
+    if (done) this.#gesture.once(patch);
+    else this.#gesture.move(patch);
   }
 
   /** @param {Light['kind']} kind */

@@ -65,6 +65,7 @@ on('lights', (/** @type {import('../protocol/messages.js').LightsMessage} */ sta
 on('frame', (/** @type {import('../protocol/frame.js').FrameHeader} */ frame) => {
   hud.frame(frame);
   statsPanel.frame(frame);
+  lightsPanel.catchUp(frame.inputSeq);
 });
 on('stats', (/** @type {import('../protocol/messages.js').Stats} */ stats) => {
   hud.stats(stats);
@@ -76,7 +77,10 @@ on('inspecting', (/** @type {{ on: boolean, waiting: boolean }} */ mode) => {
 });
 on('inspected', (/** @type {import('../view/surfelcast-view.js').Answer} */ answer) => inspector.show(answer));
 on('pose', (/** @type {{ resting: boolean }} */ { resting }) => hud.moving(!resting));
-on('refused', (/** @type {import('../protocol/messages.js').Refusal} */ refusal) => toasts.show(refusal.detail, 'error'));
+on('refused', (/** @type {import('../protocol/messages.js').Refusal} */ refusal) => {
+  toasts.show(refusal.detail, 'error');
+  lightsPanel.catchUp();
+});
 on('state', (/** @type {import('../connection/connection.js').ConnectionState} */ state) => {
   document.body.dataset['connection'] = state.kind;
   hud.live(state.kind === 'live');

@@ -174,8 +174,8 @@ const contribution = object({
 });
 const inspection = object({ coverage: number, trust: number, contributions: list(contribution), ...lightThere });
 
-/** @type {Record<string, import('./shape.js').Shape>} */
-const SHAPES = {
+/** What this client understands, by type. @type {Record<string, import('./shape.js').Shape>} */
+export const SHAPES = {
   welcome: object({
     v: number,
     conn: string,
@@ -216,12 +216,6 @@ const SHAPES = {
   ping: object({ ts: number }),
   pong: object({ ts: number }),
 };
-
-/** Types of message that this client understands. */
-export const SERVER_TYPES = Object.freeze(Object.keys(SHAPES));
-
-/** Types of message that this client sends. */
-export const CLIENT_TYPES = Object.freeze(['hello', 'camera', 'light', 'view.set', 'ack', 'still', 'pick', 'inspect', 'ping', 'pong']);
 
 /** Why a text message was not understood. */
 export class MessageError extends Error {

@@ -3,15 +3,6 @@
  */
 
 /**
- * Whether `a` comes after `b`.
- * @param {number} a
- * @param {number} b
- */
-export function isAfter(a, b) {
-  return ((a - b) | 0) > 0;
-}
-
-/**
  * Whether `a` is `b` or comes after it.
  * @param {number} a
  * @param {number} b

@@ -208,9 +208,10 @@ export class SurfelcastView extends HTMLElement {
    * Edits the session's lights.
    * @param {import('../protocol/messages.js').LightPatch} patch
    * @param {import('../protocol/messages.js').Phase} phase
+   * @returns {number} the input's number, which the `frame` that contains it repeats as `inputSeq`
    */
   editLights(patch, phase) {
-    this.#sendInput({ t: 'light', patch, phase });
+    return this.#sendInput({ t: 'light', patch, phase });
   }
 
   /**
@@ -398,11 +399,13 @@ export class SurfelcastView extends HTMLElement {
    *   Omit<Extract<import('../protocol/messages.js').ClientMessage, { t: 'light' }>, 'seq' | 'ts'>} input
    */
   #sendInput(input) {
-    if (!this.isLive) return;
-    this.#inputSeq = next(this.#inputSeq);
-    const ts = performance.now();
-    this.#connection?.send({ ...input, seq: this.#inputSeq, ts });
-    this.#latency.sent(this.#inputSeq, ts);
+    if (this.isLive) {
+      this.#inputSeq = next(this.#inputSeq);
+      const ts = performance.now();
+      this.#connection?.send({ ...input, seq: this.#inputSeq, ts });
+      this.#latency.sent(this.#inputSeq, ts);
+    }
+    return this.#inputSeq;
   }
 
   /**

@@ -5,14 +5,15 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS, SURFEL_TILE_WORDS};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{
-    SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
+    FirstHit, SurfelEdge, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
 };
 
 use crate::passes::counters;
 use crate::passes::scan::Scan;
 use crate::passes::upload::SceneBuffers;
+use crate::surfel::graph::SurfelGraph;
 use crate::surfel::grid::GridShape;
-use crate::surfel::settings::{Estimator, Grid, SurfelSettings};
+use crate::surfel::settings::{Estimator, Grid, Reconstruction, SurfelSettings};
 
 /// Smallest and largest capacity.
 const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];
@@ -98,6 +99,10 @@ pub struct SurfelCache {
     pub(crate) bins: Buffer,
     pub(crate) candidates: Buffer,
     pub(crate) counters: Buffer,
+    /// Edges between surfels, where light is reconstructed from them.
+    pub(crate) graph: Option<SurfelGraph>,
+    /// Stands in for the rays' first hits where nobody needs them.
+    pub(crate) no_hits: Buffer,
     /// Living surfels.
     pub(crate) live: u32,
     /// Surfels that stood before gaps were filled.
@@ -123,6 +128,8 @@ pub struct SurfelCache {
     exposure: f32,
     /// Living surfels are not in the grid yet: the cache was just read from disk.
     pub(crate) is_unfiled: bool,
+    /// Surfels were born or went since edges were last laid.
+    pub(crate) has_stale_edges: bool,
     /// The light changed: lights are cut down before the next update.
     pub(crate) is_relit: bool,
 }
@@ -172,6 +179,12 @@ impl SurfelCache {
             bins: buffer_of::<u32>(gpu, "bins", u64::from(SURFEL_RAY_BINS))?,
             candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
             counters: counters::buffer(gpu)?,
+            graph: if settings.reconstruction == Reconstruction::None {
+                None
+            } else {
+                Some(SurfelGraph::new(gpu, surfels)?)
+            },
+            no_hits: buffer_of::<FirstHit>(gpu, "first_hits", 1)?,
             live: 0,
             seeded: 0,
             next_serial: 1,
@@ -187,6 +200,7 @@ impl SurfelCache {
             has_stale_pins: false,
             exposure: 1.0,
             is_unfiled: false,
+            has_stale_edges: true,
             is_relit: false,
         };
         let mut graph = gpu.graph("surfel_cache");
@@ -203,6 +217,7 @@ impl SurfelCache {
             &cache.rays,
             &cache.candidates,
             &cache.lists,
+            &cache.no_hits,
         ] {
             graph.clear(buffer)?;
         }
@@ -270,6 +285,11 @@ impl SurfelCache {
             let mut graph = gpu.graph("surfel_rays");
             graph.clear(&self.rays)?;
             graph.submit()?.wait()?;
+        }
+        if let (UpdateStage::Idle, Some(edges)) = (self.stage, &mut self.graph)
+            && self.settings.reconstruction == Reconstruction::Poisson
+        {
+            edges.reserve(gpu, u64::from(rays))?;
         }
         let candidates = u64::from(SURFEL_HIT_CANDIDATES + tiles);
         if self.candidates.size_bytes() < candidates * size_of::<SurfelRecord>() as u64 {
@@ -340,6 +360,7 @@ impl SurfelCache {
             (settings.estimator == Estimator::Multiscale, surfel_switches::MULTISCALE),
             (self.calm_updates < DRIFT_UPDATES, surfel_switches::DRIFT_TEST),
             (settings.feeds_back, surfel_switches::FEEDBACK),
+            (self.measures_differences(), surfel_switches::SHIFTS),
             (settings.grid == Grid::Trapezoidal, surfel_switches::TRAPEZOIDAL),
             (settings.bins_rays, surfel_switches::BINNING),
         ];
@@ -384,7 +405,9 @@ fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
     if wanted > 0 {
         return wanted.clamp(least, most).next_power_of_two();
     }
+    // Directional tables, lists and grid; then the graph, counted in whether it is used or not.
     let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 80;
+    let bytes_each = bytes_each + 8 * (size_of::<SurfelEdge>() + 16) + 12 * 16;
     let affordable = gpu.memory().budget_bytes / MEMORY_SHARE / bytes_each as u64;
     // The largest power of two that is not above it.
     let affordable = 1 << u32::try_from(affordable).unwrap_or(most).clamp(least, most).ilog2();

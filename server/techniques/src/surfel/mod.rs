@@ -8,6 +8,7 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
+mod graph;
 mod grid;
 mod kernels;
 mod look;
@@ -25,7 +26,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, SurfelSettings};
+pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -78,6 +79,23 @@ const KERNELS: &[&str] = &[
     "surfel_integrate",
     "surfel_share",
     "surfel_recycle",
+    "graph_choose",
+    "graph_join",
+    "graph_shift",
+    "graph_learn",
+    "graph_moments",
+    "graph_pool",
+    "graph_statistics",
+    "graph_regress",
+    "graph_scales",
+    "graph_blend",
+    "graph_link",
+    "graph_shrink",
+    "graph_residual",
+    "graph_product",
+    "graph_advance",
+    "graph_turn",
+    "graph_output",
 ];
 
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.

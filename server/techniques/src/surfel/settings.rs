@@ -32,11 +32,39 @@ pub enum Initial {
     Hilbert = 2,
 }
 
+/// How what surfels measured becomes what is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Reconstruction {
+    /// Each surfel shows its own mean.
+    None,
+    /// A mean and its neighbours' regression, blended by what is known of both.
+    Regression,
+    /// The screened Poisson problem on the graph of surfels, with differences measured by reconnected rays.
+    #[default]
+    Poisson,
+}
+
+impl Reconstruction {
+    /// All by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("none", Self::None), ("regression", Self::Regression), ("poisson", Self::Poisson)];
+
+    /// The one of that name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, reconstruction)| *reconstruction)
+    }
+
+    /// Its name on the command line and over HTTP.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, known)| *known == self).map_or("none", |(name, _)| name)
+    }
+}
+
 /// Settings of a cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelSettings {
     /// Surfels that fit, a power of two in [2^16, 2^22]; 0 chooses by the device's memory. More keep more of the scene at
-    /// hand; each takes about 380 bytes.
+    /// hand; each takes about 400 bytes, and 700 more where light is reconstructed.
     pub capacity: u32,
     /// Radius in pixels, [1.5, 32]. Smaller shows more detail; twice as small takes four times the surfels, each of which
     /// needs as many rays.
@@ -52,7 +80,9 @@ pub struct SurfelSettings {
     pub guided_share: f32,
     /// Gathers respect walls by radial depth. Costs a sixteenth of the gather and removes leaks.
     pub respects_depth: bool,
-    /// Young surfels borrow from neighbours.
+    /// How light is reconstructed from the surfels.
+    pub reconstruction: Reconstruction,
+    /// Without reconstruction, young surfels borrow from neighbours.
     pub shares: bool,
     /// Estimator.
     pub estimator: Estimator,
@@ -79,6 +109,7 @@ impl SurfelSettings {
         target_error: 0.006,
         guided_share: 0.0,
         respects_depth: true,
+        reconstruction: Reconstruction::Poisson,
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
@@ -120,7 +151,7 @@ pub const KNOBS: &[Knob] = &[
     Knob {
         name: "capacity",
         range: [0.0, 4_194_304.0],
-        help: "surfels that fit, rounded up to a power of two from 65536; 0 fits the picture. More keep more of the scene; 380 bytes each",
+        help: "surfels that fit, rounded up to a power of two from 65536; 0 fits the picture. More keep more of the scene; 1100 bytes each",
         get: |settings| settings.capacity as f32,
         set: |settings, value| settings.capacity = value as u32,
     },
@@ -167,9 +198,20 @@ pub const KNOBS: &[Knob] = &[
         set: |settings, value| settings.respects_depth = value >= 0.5,
     },
     Knob {
+        name: "reconstruction",
+        range: [0.0, 2.0],
+        help: "0 none, 1 regression, 2 poisson: how light is made of what surfels measured. Less noise for a solve over the surfels and, with 2, a shadow ray for some of theirs",
+        get: |settings| settings.reconstruction as u8 as f32,
+        set: |settings, value| {
+            let index = value.round() as usize;
+            settings.reconstruction =
+                Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
+        },
+    },
+    Knob {
         name: "sharing",
         range: [0.0, 1.0],
-        help: "1: young surfels borrow from neighbours. Less noise in the first frames, for a pass over the surfels",
+        help: "1: without reconstruction, young surfels borrow from neighbours. Less noise in the first frames, for a pass over the surfels",
         get: |settings| f32::from(settings.shares),
         set: |settings, value| settings.shares = value >= 0.5,
     },

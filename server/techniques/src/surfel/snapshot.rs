@@ -21,7 +21,7 @@ use crate::surfel::settings::SurfelSettings;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
 /// Raised whenever the meaning of a byte changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes before the compressed columns.
 const HEADER_BYTES: usize = 8 + 4 + 3 * 32 + 4 * 4;
 const HASH_BYTES: usize = 32;
@@ -131,8 +131,15 @@ impl SurfelCache {
         let light_bytes = record_bytes + size_of::<SurfelLight>() * live as usize;
         let output_bytes = light_bytes + size_of::<SurfelOutput>() * live as usize;
         check_lights(&bytemuck::pod_collect_to_vec(&columns[record_bytes..light_bytes]))?;
-        let outputs: Vec<f32> = bytemuck::pod_collect_to_vec(&columns[light_bytes..output_bytes]);
-        if !outputs.iter().all(|value| value.is_finite()) {
+        let outputs: Vec<SurfelOutput> = bytemuck::pod_collect_to_vec(&columns[light_bytes..output_bytes]);
+        let is_sound = |output: &SurfelOutput| {
+            let [rays, variance] = [output.ray_count, output.variance];
+            // Halves of which all exponent bits are set are no numbers.
+            let halves = output.gradient.iter().flat_map(|word| [word & 0x7fff, word >> 16 & 0x7fff]);
+            output.indirect.iter().chain(&output.direct).chain(&[rays, variance]).all(|value| value.is_finite())
+                && halves.into_iter().all(|half| half & 0x7c00 != 0x7c00)
+        };
+        if !outputs.iter().all(is_sound) {
             return Err(SnapshotError::Damaged("a surfel's light is no number"));
         }
         let mut rest = columns.as_slice();

@@ -271,6 +271,7 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .read_write("grid", &self.grid)
             .dispatch(workgroups_of(self.grid_shape.slots))?;
+        self.has_stale_edges = true;
         let mut report = graph.submit()?.wait()?;
         if let Some(levels) = levels {
             self.levels = u32_of(&report.take(levels)?);
@@ -339,6 +340,10 @@ impl SurfelCache {
         let uniforms = self.uniforms(ray_budget);
         let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_requests");
+        if self.has_stale_edges {
+            self.record_edges(&mut graph, kernels)?;
+            self.has_stale_edges = false;
+        }
         if self.is_relit {
             graph
                 .pass(kernels.get("surfel_relight")?)
@@ -423,7 +428,9 @@ impl SurfelCache {
             .read_write("candidates", &self.candidates)
             .read_write("slot_used", &self.slot_used)
             .read_write("counters", &self.counters)
+            .read_write("first_hits", self.graph.as_ref().map_or(&self.no_hits, |graph| &graph.first_hits))
             .dispatch([range.div_ceil(64 * rays_per_thread(gpu)), 1, 1])?;
+        self.record_shifts(&mut graph, work, frame, &uniforms)?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let is_last = next + range == count;
         let mut live = None;
@@ -465,12 +472,16 @@ impl SurfelCache {
             .read_write("surfel_lights", &self.lights)
             .read_write("tiles", &self.tiles)
             .dispatch(groups)?;
-        self.bind(graph.pass(kernels.get("surfel_share")?))
-            .uniform("cache", bytes)
-            .read("surfel_lists", &self.lists)
-            .read("surfel_lights", &self.lights)
-            .read_write("outputs", &self.outputs)
-            .dispatch(groups)?;
+        if self.graph.is_some() {
+            self.record_reconstruction(graph, kernels, uniforms)?;
+        } else {
+            self.bind(graph.pass(kernels.get("surfel_share")?))
+                .uniform("cache", bytes)
+                .read("surfel_lists", &self.lists)
+                .read("surfel_lights", &self.lights)
+                .read_write("outputs", &self.outputs)
+                .dispatch(groups)?;
+        }
         graph
             .pass(kernels.get("surfel_recycle")?)
             .uniform("cache", bytes)

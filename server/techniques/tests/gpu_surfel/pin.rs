@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use surfelcast_gpu::Gpu;
+use surfelcast_techniques::surfel::Reconstruction;
 use surfelcast_techniques::{Change, SessionState, SurfelSettings, Technique};
 
 use crate::rig::{Rig, camera, gpu};
@@ -17,6 +18,7 @@ const SETTINGS: SurfelSettings = SurfelSettings {
     radius_pixels: 1.5,
     coverage: 2.0,
     target_error: 0.0,
+    reconstruction: Reconstruction::None,
     feeds_back: false,
     ..SurfelSettings::BALANCED
 };
