@@ -14,6 +14,10 @@ ARGS ?=
 CARGO ?= cargo
 SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
 DOCS_SPP ?= 512
+# Where benchmarks leave CSV, JSON and plots, and go on from after an interrupt; remove it to measure anew.
+BENCH_OUT ?= target/bench
+# Seconds of other renderers: rows of their harness, then its stated tables.
+PEERS ?= $(wildcard $(addprefix $(or $(SURFELCAST_SHARED),../shared)/peers/,results.csv RESULTS.md))
 
 .PHONY: help
 help: ## Show these commands
@@ -61,6 +65,26 @@ bench-surfels: build ## Error of the surfel cache against references and path tr
 .PHONY: bench-locality
 bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --example surfel_locality -- BENCHMARKS.md
+
+.PHONY: bench-error
+bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; plots in target/bench
+	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
+.PHONY: bench-presets
+bench-presets: build ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
+	$(SURFELCAST) bench error --study presets --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
+.PHONY: bench-densities
+bench-densities: build ## Error by capacity and density of surfels, written into BENCHMARKS.md
+	$(SURFELCAST) bench error --study densities --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
+.PHONY: bench-peers
+bench-peers: build ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
+	$(SURFELCAST) bench error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
+.PHONY: bench-scale
+bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md
+	$(SURFELCAST) bench scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: film-strips
 film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg

@@ -28,6 +28,12 @@ const ROOMS: &[Room] = &[
         why: "glTF in, validated scene out; no GPU, no async",
     },
     Room { name: "stream", folder: "server/stream", may_import: &[], why: "pixels to bytes; no GPU, no async" },
+    Room {
+        name: "measure",
+        folder: "server/measure",
+        may_import: &[],
+        why: "error metrics, references and plots; judges pixels alone",
+    },
     Room { name: "gpu", folder: "server/gpu", may_import: &["shaders"], why: "device and frame graph; knows no light" },
     Room {
         name: "techniques",
@@ -50,13 +56,13 @@ const ROOMS: &[Room] = &[
     Room {
         name: "app",
         folder: "server/app",
-        may_import: &["gpu", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"],
+        may_import: &["gpu", "measure", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"],
         why: "the binary wires everything and is imported by nothing",
     },
     Room {
         name: "tests",
         folder: "tests",
-        may_import: &["gpu", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"],
+        may_import: &["gpu", "measure", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"],
         why: "end-to-end suites; imported by nothing",
     },
 ];
@@ -72,7 +78,7 @@ const WALLS: &[(&str, &[&str], &str)] = &[
 ];
 
 /// Rooms without an async runtime: they are called from blocking threads or from the render thread.
-const WITHOUT_ASYNC: &[&str] = &["protocol", "shaders", "scene", "stream", "gpu", "techniques"];
+const WITHOUT_ASYNC: &[&str] = &["protocol", "shaders", "scene", "stream", "measure", "gpu", "techniques"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests folder lies in the workspace")

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use surfelcast_renderer::SurfelSettings;
 
+use crate::bench::BenchArgs;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Headless render server with global illumination.
@@ -24,6 +26,8 @@ pub(crate) enum Command {
     Serve(ServeArgs),
     /// Render one picture of a scene file.
     Render(Box<RenderArgs>),
+    /// Measure error against cost, and cost against size.
+    Bench(BenchArgs),
     /// List adapters and limits, and say what is missing and how to get it.
     Doctor,
 }
@@ -128,7 +132,7 @@ pub(crate) struct RenderArgs {
     pub(crate) device: DeviceArgs,
 }
 
-fn technique_ids() -> clap::builder::PossibleValuesParser {
+pub(crate) fn technique_ids() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
 }
 
@@ -137,7 +141,7 @@ fn parse_knob(text: &str) -> Result<String, String> {
     settings.turn(text).map(|()| text.to_owned())
 }
 
-fn preset_names() -> clap::builder::PossibleValuesParser {
+pub(crate) fn preset_names() -> clap::builder::PossibleValuesParser {
     SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
 }
 
@@ -150,7 +154,7 @@ const MAX_SIDE: u32 = 16_384;
 /// Most pixels of a picture.
 const MAX_PIXELS: u64 = 64_000_000;
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
     let side = |text: &str| text.trim().parse::<u32>().ok().filter(|side| (1..=MAX_SIDE).contains(side));
     let (Some(width), Some(height)) = (side(width), side(height)) else {
@@ -166,7 +170,7 @@ fn parse_error(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(|e: &f32| *e > 0.0 && *e <= 1.0).ok_or_else(|| "expected a number in (0, 1]".to_owned())
 }
 
-fn parse_secs(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_secs(text: &str) -> Result<f64, String> {
     let secs = text.parse().ok().filter(|s: &f64| *s > 0.0 && *s <= 86_400.0);
     secs.ok_or_else(|| "expected seconds in (0, 86400]".to_owned())
 }

@@ -2,8 +2,11 @@
 
 use std::process::ExitCode;
 
+use surfelcast_gpu::GpuError;
+use surfelcast_measure::MeasureError;
 use surfelcast_renderer::RendererError;
 use surfelcast_scene::SceneError;
+use surfelcast_techniques::TechniqueError;
 
 /// A failed command.
 #[derive(Debug)]
@@ -49,6 +52,27 @@ impl From<RendererError> for Failure {
         match error {
             RendererError::SceneTooLarge { .. } => Self::Input(error.to_string()),
             error => Self::Runtime(error.to_string()),
+        }
+    }
+}
+
+impl From<GpuError> for Failure {
+    fn from(error: GpuError) -> Self {
+        RendererError::from(error).into()
+    }
+}
+
+impl From<TechniqueError> for Failure {
+    fn from(error: TechniqueError) -> Self {
+        RendererError::from(error).into()
+    }
+}
+
+impl From<MeasureError> for Failure {
+    fn from(error: MeasureError) -> Self {
+        match error {
+            MeasureError::Plot(_) => Self::Runtime(error.to_string()),
+            error => Self::Input(error.to_string()),
         }
     }
 }

@@ -1,6 +1,7 @@
-//! The program `surfelcast`: serve, render, doctor. Reads the command line, wires the rooms together, maps outcomes to exit
+//! The program `surfelcast`: serve, render, bench, doctor. Reads the command line, wires the rooms together, maps outcomes to exit
 //! codes: 0 done, 1 runtime failure, 2 bad usage or bad input.
 
+mod bench;
 mod cli;
 mod doctor;
 mod failure;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Serve(args) => serve::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Doctor => doctor::run(),
     };
     match outcome {

@@ -38,7 +38,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     progress.say("reading");
     let scene = Arc::new(scene_file::load(&args.scene, args.view.as_ref(), args.environment.as_ref())?);
     warn_all(&scene);
-    let camera = camera_of(&scene, args.camera.as_deref())?.clone();
+    let camera = scene_file::camera_of(&scene, args.camera.as_deref())?.clone();
     let exposure = args.exposure.unwrap_or_else(|| scene.exposure_for(&camera.name));
     let job = job_of(args, &scene, &camera, exposure);
 
@@ -161,16 +161,6 @@ fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure:
         aov: args.aov.as_deref().and_then(Aov::by_name),
         exports_surfels: args.export_surfels.is_some(),
     }
-}
-
-fn camera_of<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a NamedCamera, Failure> {
-    let Some(name) = name else {
-        return scene.cameras.first().ok_or_else(|| Failure::input("the scene has no camera; give one with --view"));
-    };
-    scene.camera(name).ok_or_else(|| {
-        let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
-        Failure::input(format!("--camera {name}: the scene has no such camera; there are {}", known.join(", ")))
-    })
 }
 
 fn format_of(path: &Path) -> Result<Format, Failure> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use surfelcast_scene::{
-    Environment, EnvironmentMap, LoadOptions, Scene, SceneLimits, ViewFile, demo, load_bytes, load_file,
+    Environment, EnvironmentMap, LoadOptions, NamedCamera, Scene, SceneLimits, ViewFile, demo, load_bytes, load_file,
 };
 
 use crate::failure::Failure;
@@ -45,4 +45,15 @@ fn load_demo(name: &str, mut options: LoadOptions) -> Result<Scene, Failure> {
         options.view = Some(ViewFile::parse(demo.view.as_bytes())?);
     }
     Ok(load_bytes(&demo.glb, name, &options)?)
+}
+
+/// The camera of that name, the first without one.
+pub(crate) fn camera_of<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a NamedCamera, Failure> {
+    let Some(name) = name else {
+        return scene.cameras.first().ok_or_else(|| Failure::input("the scene has no camera; give one with --view"));
+    };
+    scene.camera(name).ok_or_else(|| {
+        let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        Failure::input(format!("--camera {name}: the scene has no such camera; there are {}", known.join(", ")))
+    })
 }

@@ -31,6 +31,7 @@ pub use job::{
     RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
 };
 pub use lights::SessionLights;
+pub use pace::Pace;
 pub use slot::FrameSlot;
 pub use status::{DeviceInfo, DeviceState, RendererStatus};
 pub use view::{Frame, FrameKind, ViewState};

@@ -13,7 +13,7 @@ const MIN_PATHS: u64 = 4096;
 
 /// Measured rate of one scene and technique.
 #[derive(Clone, Debug)]
-pub(crate) struct Pace {
+pub struct Pace {
     paths_per_sec: f64,
 }
 
@@ -25,7 +25,7 @@ impl Default for Pace {
 
 impl Pace {
     /// Learns from a step. One that is much faster than expected is believed at once.
-    pub(crate) fn measure(&mut self, paths: u64, elapsed: Duration) {
+    pub fn measure(&mut self, paths: u64, elapsed: Duration) {
         if paths == 0 {
             return;
         }
@@ -35,17 +35,17 @@ impl Pace {
     }
 
     /// Paths for one submission.
-    pub(crate) fn step_paths(&self) -> u64 {
+    pub fn step_paths(&self) -> u64 {
         ((self.paths_per_sec * STEP_SECS) as u64).max(MIN_PATHS)
     }
 
     /// Paths in so many seconds.
-    pub(crate) fn paths_in(&self, secs: f32) -> u64 {
+    pub fn paths_in(&self, secs: f32) -> u64 {
         (self.paths_per_sec * f64::from(secs.max(0.0))) as u64
     }
 
     /// Resolution factor at which one sample a pixel takes `secs`, in steps of 1/8 and at most `max_scale`.
-    pub(crate) fn scale_for(&self, size: [u32; 2], secs: f32, max_scale: f32) -> f32 {
+    pub fn scale_for(&self, size: [u32; 2], secs: f32, max_scale: f32) -> f32 {
         let pixels = f64::from(size[0]) * f64::from(size[1]);
         let affordable = self.paths_per_sec * f64::from(secs);
         let scale = (affordable / pixels.max(1.0)).sqrt().min(f64::from(max_scale));

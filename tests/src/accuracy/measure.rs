@@ -5,6 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde_json::Value;
+use surfelcast_measure::fit::exponent;
 
 use crate::accuracy::{Mode, Picture, Reference};
 
@@ -69,24 +70,16 @@ impl Point {
 }
 
 impl Measurement {
-    /// Least-squares slope of log error over log samples, the reference's noise taken out; `None` with less than two
+    /// Slope of log error over log samples, the reference's noise taken out; `None` with less than two
     /// points that stand clear of that noise.
     pub fn slope(&self) -> Option<f64> {
         let points: Vec<_> = self
             .points
             .iter()
             .filter(|point| point.rmse > 1.2 * self.reference_noise)
-            .map(|point| (f64::from(point.samples).ln(), point.rmse_to_truth(self.reference_noise).ln()))
+            .map(|point| (f64::from(point.samples), point.rmse_to_truth(self.reference_noise)))
             .collect();
-        if points.len() < 2 {
-            return None;
-        }
-        let count = points.len() as f64;
-        let (x_mean, y_mean) =
-            (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
-        let covariance: f64 = points.iter().map(|(x, y)| (x - x_mean) * (y - y_mean)).sum();
-        let variance: f64 = points.iter().map(|(x, _)| (x - x_mean).powi(2)).sum();
-        Some(covariance / variance)
+        exponent(&points)
     }
 }
 

@@ -5,11 +5,16 @@
 //! the gate needs no tuned threshold: measured^2 / (reference noise^2 + own noise^2) is 1 for a correct renderer.
 
 mod measure;
-mod picture;
-mod reference;
 mod table;
 
+use std::path::{Path, PathBuf};
+
 pub use measure::{Measurement, Point, Renderer};
-pub use picture::{Picture, Rectangle};
-pub use reference::{Expected, Mode, Reference, shared_folder};
-pub use table::{markdown, replace_between_markers};
+pub use surfelcast_measure::{Expected, Mode, Picture, Rectangle, Reference, replace_between_markers};
+pub use table::markdown;
+
+/// The folder of shared scenes and references, beside the repository or where `SURFELCAST_SHARED` says; `None` if there is
+/// none.
+pub fn shared_folder() -> Option<PathBuf> {
+    surfelcast_measure::shared_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+}

@@ -38,6 +38,7 @@ pub(crate) struct SurfelGraph {
     shifts: Buffer,
     chosen: Buffer,
     links: Buffer,
+    checkpoints: Buffer,
     statistics: Buffer,
     expected: Buffer,
     expected_direct: Buffer,
@@ -64,6 +65,7 @@ impl SurfelGraph {
             shifts: gpu.buffer("shifts", MemoryKind::Session, 16)?,
             chosen: by_surfel("chosen")?,
             links: gpu.buffer("node_links", MemoryKind::Session, capacity * EDGE_SLOTS * 16)?,
+            checkpoints: by_surfel("node_checkpoints")?,
             statistics: by_surfel("node_statistics")?,
             expected: by_surfel("expected")?,
             expected_direct: by_surfel("expected_direct")?,
@@ -81,7 +83,7 @@ impl SurfelGraph {
             )?,
         };
         let mut graph = gpu.graph("surfel_graph");
-        let by_id = [&made.edges, &made.links, &made.statistics, &made.solutions, &made.gradients, &made.values];
+        let by_id = [&made.edges, &made.checkpoints, &made.links, &made.statistics, &made.solutions, &made.gradients, &made.values];
         let by_ray = [&made.first_hits, &made.shifts];
         for buffer in by_id.into_iter().chain(by_ray).chain(&made.pools).chain([&made.chosen, &made.partial_sums]) {
             graph.clear(buffer)?;
@@ -142,6 +144,7 @@ impl SurfelCache {
             ("shifts", &nodes.shifts),
             ("chosen", &nodes.chosen),
             ("node_links", &nodes.links),
+            ("node_checkpoints", &nodes.checkpoints),
             ("node_statistics", &nodes.statistics),
             ("expected", &nodes.expected),
             ("expected_direct", &nodes.expected_direct),

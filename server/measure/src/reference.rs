@@ -3,10 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, bail};
 use serde_json::Value;
 
-use crate::accuracy::Rectangle;
+use crate::{MeasureError, Rectangle};
 
 /// How the reference was rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,42 +52,42 @@ pub struct Reference {
     pub expected: Expected,
 }
 
-/// The folder of shared scenes and references: `SURFELCAST_SHARED`, else `shared` beside the repository; `None` if
-/// there is none.
-pub fn shared_folder() -> Option<PathBuf> {
-    let folder = std::env::var_os("SURFELCAST_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
+/// The folder of shared scenes and references: `SURFELCAST_SHARED`, else `shared` in the given folder; `None` if there is
+/// none.
+pub fn shared_folder(parent: &Path) -> Option<PathBuf> {
+    let folder = std::env::var_os("SURFELCAST_SHARED").map_or_else(|| parent.join("shared"), PathBuf::from);
     folder.join("references").is_dir().then_some(folder)
 }
 
 impl Reference {
     /// All references of a folder that holds `references/` and `scenes/`, sorted by name.
-    pub fn read_all(shared: &Path) -> Result<Vec<Self>> {
+    pub fn read_all(shared: &Path) -> Result<Vec<Self>, MeasureError> {
+        let folder = shared.join("references");
         let masks = read_json(&shared.join("peers/masks.json")).unwrap_or(Value::Null);
-        let mut files =
-            fs::read_dir(shared.join("references"))?.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
+        let entries = fs::read_dir(&folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+        let entries = entries.map_err(|error| MeasureError::file(&folder, &error))?;
+        let mut files: Vec<_> = entries.iter().map(fs::DirEntry::path).collect();
         files.retain(|file| file.extension().is_some_and(|extension| extension == "json"));
         files.sort();
-        files.iter().map(|file| Self::read(file, shared, &masks).with_context(|| file.display().to_string())).collect()
+        files.iter().map(|file| Self::read(file, shared, &masks)).collect()
     }
 
-    fn read(file: &Path, shared: &Path, masks: &Value) -> Result<Self> {
+    fn read(file: &Path, shared: &Path, masks: &Value) -> Result<Self, MeasureError> {
         let json = read_json(file)?;
-        let text = |field: &str| json[field].as_str().with_context(|| format!("{field} is no string"));
-        let number = |value: &Value, field: &str| value.as_f64().with_context(|| format!("{field} is no number"));
+        let fault = |field: &str, what: &str| MeasureError::file(file, &format!("{field} is {what}"));
+        let text = |field: &str| json[field].as_str().ok_or_else(|| fault(field, "no string"));
+        let number = |value: &Value, field: &str| value.as_f64().ok_or_else(|| fault(field, "no number"));
         let (scene, camera) = (text("scene")?, text("camera")?);
         let view = read_json(&shared.join(format!("scenes/{scene}.json")))?;
         let mode = match text("mode")? {
             "lambert" => Mode::Lambert,
             "pbr" => Mode::Pbr,
             "indirect" => Mode::Indirect,
-            other => bail!("mode {other} is unknown"),
+            _ => return Err(fault("mode", "not lambert, pbr or indirect")),
         };
         let side = |index: usize| {
-            json["resolution"][index]
-                .as_u64()
-                .and_then(|side| u32::try_from(side).ok())
-                .context("resolution is no size")
+            let side = json["resolution"][index].as_u64().and_then(|side| u32::try_from(side).ok());
+            side.ok_or_else(|| fault("resolution", "no size"))
         };
         Ok(Self {
             name: format!("{scene}_{camera}_{}", text("mode")?),
@@ -106,9 +105,9 @@ impl Reference {
     }
 }
 
-fn read_json(path: &Path) -> Result<Value> {
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))
+fn read_json(path: &Path) -> Result<Value, MeasureError> {
+    let text = fs::read_to_string(path).map_err(|error| MeasureError::file(path, &error))?;
+    serde_json::from_str(&text).map_err(|error| MeasureError::file(path, &error))
 }
 
 fn rectangles(value: &Value) -> Vec<Rectangle> {
@@ -141,15 +140,15 @@ mod tests {
     }
 
     #[test]
-    fn reads_every_reference() -> Result<()> {
-        let Some(shared) = shared_folder() else {
+    fn reads_every_reference() -> Result<(), MeasureError> {
+        let Some(shared) = shared_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")) else {
             println!("skipped: no folder of references; set SURFELCAST_SHARED to one");
             return Ok(());
         };
         let references = Reference::read_all(&shared)?;
         assert!(references.len() > 20, "{} references", references.len());
         for reference in references {
-            let picture = crate::accuracy::Picture::read_exr(&reference.image)?;
+            let picture = crate::Picture::read_exr(&reference.image)?;
             let [width, height] = reference.size.map(|side| side as usize);
             assert_eq!(picture.size, [width, height], "{}", reference.name);
             assert_eq!(picture.non_finite_count(), 0, "{}", reference.name);

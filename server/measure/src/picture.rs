@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, Result, ensure};
+use crate::MeasureError;
 
 /// Linear radiance, first row on top.
 #[derive(Clone, Debug)]
@@ -24,7 +24,7 @@ pub struct Rectangle {
 
 impl Picture {
     /// Reads an OpenEXR file's colour channels.
-    pub fn read_exr(path: &Path) -> Result<Self> {
+    pub fn read_exr(path: &Path) -> Result<Self, MeasureError> {
         let image = exr::prelude::read_first_rgba_layer_from_file(
             path,
             |size, _| (size.width(), vec![[0.0; 3]; size.width() * size.height()]),
@@ -32,9 +32,11 @@ impl Picture {
                 pixels[position.y() * *width + position.x()] = [f64::from(r), f64::from(g), f64::from(b)];
             },
         )
-        .with_context(|| format!("cannot read {}", path.display()))?;
+        .map_err(|error| MeasureError::file(path, &format!("cannot be read: {error}")))?;
         let (width, pixels) = image.layer_data.channel_data.pixels;
-        ensure!(width > 0 && !pixels.is_empty(), "{} has no pixel", path.display());
+        if width == 0 || pixels.is_empty() {
+            return Err(MeasureError::file(path, &"has no pixel"));
+        }
         Ok(Self { size: [width, pixels.len() / width], pixels })
     }
 
@@ -60,16 +62,28 @@ impl Picture {
         self.pixels.iter().flatten().sum::<f64>() / (3 * self.pixels.len()) as f64
     }
 
-    /// Mean squared difference after `x / (1 + max(r, g, b))` of exposed values, over pixels and channels.
-    pub fn tone_mapped_mse(&self, other: &Self, exposure: f64) -> f64 {
+    /// The picture after `x / (1 + max(r, g, b))` of exposed values.
+    pub fn tone_mapped(&self, exposure: f64) -> Self {
+        Self { size: self.size, pixels: self.pixels.iter().map(|pixel| tone_map(*pixel, exposure)).collect() }
+    }
+
+    /// Mean squared difference over pixels and channels.
+    pub fn mse(&self, other: &Self) -> f64 {
         debug_assert_eq!(self.pixels.len(), other.pixels.len(), "pictures of one size are compared");
-        let sum: f64 = self
-            .pixels
-            .iter()
-            .zip(&other.pixels)
-            .map(|(a, b)| squared_distance(tone_map(*a, exposure), tone_map(*b, exposure)))
-            .sum();
+        let sum: f64 = self.pixels.iter().zip(&other.pixels).map(|(a, b)| squared_distance(*a, *b)).sum();
         sum / (3 * self.pixels.len()) as f64
+    }
+
+    /// Mean squared difference after the tone map of [`Picture::tone_mapped`].
+    pub fn tone_mapped_mse(&self, other: &Self, exposure: f64) -> f64 {
+        self.tone_mapped(exposure).mse(&other.tone_mapped(exposure))
+    }
+
+    /// Mean of (x - r)² / (r² + 0.01 mean(r)²) against a reference r.
+    pub fn relative_mse(&self, reference: &Self) -> f64 {
+        let floor = 0.01 * reference.mean().powi(2) + 1e-30;
+        let pairs = self.pixels.as_flattened().iter().zip(reference.pixels.as_flattened());
+        pairs.map(|(x, r)| (x - r).powi(2) / (r * r + floor)).sum::<f64>() / (3 * self.pixels.len()) as f64
     }
 
     /// Variance of [`Picture::mean`] of the average of two pictures that differ only by their seed.
@@ -117,6 +131,13 @@ mod tests {
         // The brightest channel scales all three: (2, 1, 0) / 3.
         let mse = picture(&[[2.0, 1.0, 0.0]]).tone_mapped_mse(&picture(&[[0.0; 3]]), 1.0);
         assert!((mse - (4.0 + 1.0) / 9.0 / 3.0).abs() < 1e-12, "{mse}");
+    }
+
+    #[test]
+    fn relative_error_of_known_pictures() {
+        // Mean of the reference is 2, so the floor is 0.04: (1 / 1.04 + 4 / 9.04) / 2.
+        let error = picture(&[[2.0; 3], [5.0; 3]]).relative_mse(&picture(&[[1.0; 3], [3.0; 3]]));
+        assert!((error - f64::midpoint(1.0 / 1.04, 4.0 / 9.04)).abs() < 1e-12, "{error}");
     }
 
     #[test]

@@ -1,0 +1,230 @@
+//! What is rendered and what it is compared with.
+
+use std::path::{Path, PathBuf};
+
+use surfelcast_gpu::Gpu;
+use surfelcast_measure::{Mode, Picture, Rectangle, Reference};
+use surfelcast_scene::{Camera, Scene};
+use surfelcast_stream::encode_exr;
+use surfelcast_techniques::{SessionState, SurfelSettings};
+
+use crate::bench::stage::Stage;
+use crate::cli::Materials;
+use crate::failure::Failure;
+use crate::scene_file;
+
+/// Size of pictures where nothing states one.
+const DEFAULT_SIZE: [u32; 2] = [256, 192];
+/// The technique whose pictures are the truth where there is no reference, and the seed of its first half.
+const TRUTH_TECHNIQUE: &str = "path";
+const TRUTH_SEED: u64 = 0x7472_7574;
+
+/// How a scene is asked for.
+pub(crate) struct Wanted<'a> {
+    /// Name of a reference or of a scene with references, a file, or `demo:NAME`.
+    pub(crate) scene: &'a str,
+    pub(crate) camera: Option<&'a str>,
+    pub(crate) size: Option<[u32; 2]>,
+    pub(crate) materials: Materials,
+    /// Picture to compare with.
+    pub(crate) reference: Option<&'a Path>,
+}
+
+/// A picture to render.
+pub(crate) struct Case {
+    /// `<scene>_<camera>_<mode>`.
+    pub(crate) name: String,
+    pub(crate) scene: Scene,
+    pub(crate) camera: Camera,
+    pub(crate) mode: Mode,
+    pub(crate) size: [u32; 2],
+    pub(crate) exposure: f32,
+    source: Source,
+}
+
+/// Where the truth comes from.
+enum Source {
+    Reference {
+        image: PathBuf,
+        noise: f64,
+        masked: Vec<Rectangle>,
+    },
+    /// To be rendered.
+    Rendered,
+}
+
+/// What pictures are compared with.
+pub(crate) struct Truth {
+    picture: Picture,
+    masked: Vec<Rectangle>,
+    /// Tone-mapped RMSE that is left in it.
+    pub(crate) noise: f64,
+    /// Where it comes from, for people.
+    pub(crate) source: String,
+}
+
+impl Truth {
+    /// The truth without the parts that are known to mean something else.
+    pub(crate) fn compared(&self) -> Picture {
+        self.picture.without(&self.masked)
+    }
+
+    /// The same parts of a picture.
+    pub(crate) fn comparable(&self, picture: &Picture) -> Picture {
+        picture.without(&self.masked)
+    }
+
+    /// Whole, for what looks at neighbourhoods.
+    pub(crate) fn whole(&self) -> &Picture {
+        &self.picture
+    }
+}
+
+fn mode_name(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Lambert => "lambert",
+        Mode::Pbr => "pbr",
+        Mode::Indirect => "indirect",
+    }
+}
+
+impl Case {
+    /// Finds the scene, among references first, and reads it.
+    pub(crate) fn find(wanted: &Wanted<'_>, shared: Option<&Path>) -> Result<Self, Failure> {
+        let looks_like_file = wanted.scene.contains(['/', '\\', ':', '.']);
+        if wanted.reference.is_none() && !looks_like_file {
+            let shared = shared.ok_or_else(|| {
+                Failure::input(format!(
+                    "--scene {}: there are no references here; set SURFELCAST_SHARED to a folder with references/ and \
+                     scenes/, give a file with --reference, or take demo:cornell_box",
+                    wanted.scene
+                ))
+            })?;
+            return Self::of_reference(wanted, shared);
+        }
+        let scene = scene_file::load(Path::new(wanted.scene), None, None)?;
+        let camera = scene_file::camera_of(&scene, wanted.camera)?.clone();
+        let mode = if wanted.materials == Materials::Pbr { Mode::Pbr } else { Mode::Lambert };
+        let (mut size, source) = match wanted.reference {
+            None => (DEFAULT_SIZE, Source::Rendered),
+            Some(image) => {
+                let [width, height] = Picture::read_exr(image)?.size;
+                let noise = stated_noise(image).unwrap_or(0.0);
+                let source = Source::Reference { image: image.to_owned(), noise, masked: Vec::new() };
+                ([width as u32, height as u32], source)
+            }
+        };
+        if let Some(wanted) = wanted.size {
+            if wanted != size && matches!(source, Source::Reference { .. }) {
+                return Err(Failure::input(format!("--size: the reference is {} x {}", size[0], size[1])));
+            }
+            size = wanted;
+        }
+        Ok(Self {
+            name: format!("{}_{}_{}", scene.name, camera.name, mode_name(mode)),
+            exposure: scene.exposure_for(&camera.name),
+            camera: camera.camera,
+            scene,
+            mode,
+            size,
+            source,
+        })
+    }
+
+    fn of_reference(wanted: &Wanted<'_>, shared: &Path) -> Result<Self, Failure> {
+        let references = Reference::read_all(shared)?;
+        let name = wanted.scene;
+        let mode = if wanted.materials == Materials::Pbr { Mode::Pbr } else { Mode::Lambert };
+        let is_of_scene = |one: &&Reference| one.scene.file_stem().is_some_and(|stem| stem == name) && one.mode == mode;
+        let has_camera = |one: &&Reference| wanted.camera.is_none_or(|camera| one.camera == camera);
+        let of_scene: Vec<_> = references.iter().filter(is_of_scene).filter(has_camera).collect();
+        let reference = references
+            .iter()
+            .find(|one| one.name == name)
+            // The scene's own order of cameras, not that of the files' names, says which is the first.
+            .or_else(|| of_scene.iter().find(|one| one.camera == "main").or(of_scene.first()).copied())
+            .ok_or_else(|| {
+                let known: Vec<_> = references.iter().map(|one| one.name.as_str()).collect();
+                Failure::input(format!(
+                    "--scene {name}: there is no such reference and no {} reference of such a scene; there are {}",
+                    mode_name(mode),
+                    known.join(", ")
+                ))
+            })?;
+        let scene = scene_file::load(&reference.scene, None, None)?;
+        let camera = scene_file::camera_of(&scene, Some(&reference.camera))?.camera;
+        // A reference has one size; another one asks for a truth of its own.
+        let is_sized = wanted.size.is_none_or(|size| size == reference.size);
+        let source = if is_sized {
+            Source::Reference {
+                image: reference.image.clone(),
+                noise: reference.noise_rmse,
+                masked: reference.masked.clone(),
+            }
+        } else {
+            Source::Rendered
+        };
+        Ok(Self {
+            name: reference.name.clone(),
+            scene,
+            camera,
+            mode: reference.mode,
+            size: wanted.size.unwrap_or(reference.size),
+            exposure: reference.exposure as f32,
+            source,
+        })
+    }
+
+    /// The device state for pictures of this case.
+    pub(crate) fn stage<'a>(&'a self, gpu: &'a Gpu) -> Result<Stage<'a>, Failure> {
+        Stage::new(gpu, &self.scene, self.mode, self.size, self.exposure)
+    }
+
+    /// Reads the reference, or path-traces one in two halves that tell its noise. Those are kept in `folder`.
+    pub(crate) fn truth(&self, stage: &Stage<'_>, samples: u32, folder: &Path) -> Result<Truth, Failure> {
+        if let Source::Reference { image, noise, masked } = &self.source {
+            return Ok(Truth {
+                picture: Picture::read_exr(image)?,
+                masked: masked.clone(),
+                noise: *noise,
+                source: image.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            });
+        }
+        let half_samples = (samples / 2).max(1);
+        let [width, height] = self.size;
+        let half = |number: u64| -> Result<Picture, Failure> {
+            let file = folder.join(format!("{}_{width}x{height}_{half_samples}_{number}.exr", self.name));
+            if !file.is_file() {
+                let mut shot = stage.shot(
+                    TRUTH_TECHNIQUE,
+                    SurfelSettings::default(),
+                    self.camera,
+                    TRUTH_SEED + number,
+                    &SessionState::default(),
+                )?;
+                shot.render(half_samples, f64::INFINITY)?;
+                let pixels: Vec<_> = shot.picture()?.pixels.iter().map(|pixel| pixel.map(|v| v as f32)).collect();
+                let bytes = encode_exr(&pixels, self.size).map_err(|error| Failure::runtime(error.to_string()))?;
+                super::write_file(&file, &bytes)?;
+            }
+            Ok(Picture::read_exr(&file)?)
+        };
+        let [one, other] = [half(0)?, half(1)?];
+        let noise = one.tone_mapped_mse(&other, f64::from(self.exposure)).sqrt() / 2.0;
+        let mean = |(a, b): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|i| f64::midpoint(a[i], b[i]));
+        let pixels = one.pixels.iter().zip(&other.pixels).map(mean).collect();
+        Ok(Truth {
+            picture: Picture { size: one.size, pixels },
+            masked: Vec::new(),
+            noise,
+            source: format!("{TRUTH_TECHNIQUE}, {} samples", 2 * half_samples),
+        })
+    }
+}
+
+/// The noise that the JSON beside a reference states.
+fn stated_noise(image: &Path) -> Option<f64> {
+    let text = std::fs::read_to_string(image.with_extension("json")).ok()?;
+    let json: serde_json::Value = serde_json::from_str(&text).ok()?;
+    json["noise"]["rmse_tm"].as_f64()
+}

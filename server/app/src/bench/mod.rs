@@ -1,0 +1,144 @@
+//! `surfelcast bench`: what the product promises in numbers, measured.
+
+mod case;
+mod error;
+mod peers;
+mod record;
+mod scale;
+mod scale_scene;
+mod second_camera;
+mod stage;
+mod tables;
+mod variant;
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use surfelcast_gpu::{Gpu, GpuOptions};
+use surfelcast_measure::replace_between_markers;
+
+use crate::cli::DeviceArgs;
+use crate::failure::Failure;
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    command: BenchCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum BenchCommand {
+    /// Error against seconds and rays, of every technique at growing budgets.
+    Error(Box<error::ErrorArgs>),
+    /// Time and memory against the size of scene and cache, and what a second camera adds.
+    Scale(scale::ScaleArgs),
+}
+
+/// Where results go, shared by all benchmarks.
+#[derive(Debug, Args)]
+struct OutputArgs {
+    /// Folder for CSV, JSON and plots. What is in it already is not measured again.
+    #[arg(long, value_name = "DIR", default_value = "data/bench")]
+    out: PathBuf,
+    /// Document to write the tables into, between the markers of their name, such as `<!-- error: begin -->` and
+    /// `<!-- error: end -->`.
+    #[arg(long, value_name = "FILE.md")]
+    table: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub(crate) fn run(args: &BenchArgs) -> Result<(), Failure> {
+    match &args.command {
+        BenchCommand::Error(args) => error::run(args),
+        BenchCommand::Scale(args) => scale::run(args),
+    }
+}
+
+impl OutputArgs {
+    fn gpu(&self) -> Result<Gpu, Failure> {
+        Ok(Gpu::open(&GpuOptions {
+            adapter: self.device.adapter.clone(),
+            memory_budget_bytes: self.device.gpu_memory.map(|mib| mib << 20),
+            ..GpuOptions::default()
+        })?)
+    }
+
+    /// Refuses a document without a place for the tables before anything is measured.
+    fn check_table(&self, name: &str) -> Result<(), Failure> {
+        let Some(path) = &self.table else { return Ok(()) };
+        replace_between_markers(&read_text(path)?, name, "")
+            .map(drop)
+            .map_err(|error| Failure::input(format!("--table {}: {error}", path.display())))
+    }
+
+    /// Prints the tables, and writes them into the document where there is one.
+    #[allow(clippy::print_stdout, reason = "the tables are the command's output")]
+    fn publish(&self, name: &str, markdown: &str) -> Result<(), Failure> {
+        println!("{markdown}");
+        let Some(path) = &self.table else { return Ok(()) };
+        write_file(path, replace_between_markers(&read_text(path)?, name, markdown)?.as_bytes())
+    }
+}
+
+/// Adapter, driver and the processors that a software adapter runs on.
+fn device_name(gpu: &Gpu) -> String {
+    let info = gpu.info();
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    format!("{} ({}), {threads} threads", info.name, info.driver)
+}
+
+/// A bar on a terminal, nothing in a pipe.
+fn progress_bar(length: u64) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    if !std::io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {msg}  {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// What an earlier run wrote down; nothing where there is no such file.
+fn read_record<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Failure> {
+    match std::fs::read(path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| {
+            Failure::input(format!(
+                "{}: not a record of this program ({error}); choose another --out, or remove it",
+                path.display()
+            ))
+        }),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(Failure::input(format!("{}: {error}", path.display()))),
+    }
+}
+
+/// Writes a record down, and the same as CSV beside it.
+fn write_record<T: Serialize>(path: &Path, record: &[T], csv: &str) -> Result<(), Failure> {
+    let json = serde_json::to_vec_pretty(record).map_err(|error| Failure::runtime(error.to_string()))?;
+    // Written beside and renamed, so that an interrupt leaves the old file or the new one.
+    let written = path.with_extension("new");
+    write_file(&written, &json)?;
+    std::fs::rename(&written, path).map_err(|error| Failure::runtime(format!("{}: {error}", path.display())))?;
+    write_file(&path.with_extension("csv"), csv.as_bytes())
+}
+
+fn read_text(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+}
+
+/// Writes a file, and the folder it lies in.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let written = match path.parent() {
+        Some(folder) => std::fs::create_dir_all(folder),
+        None => Ok(()),
+    };
+    written
+        .and_then(|()| std::fs::write(path, bytes))
+        .map_err(|error| Failure::runtime(format!("{} could not be written: {error}", path.display())))
+}
