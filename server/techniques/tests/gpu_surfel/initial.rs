@@ -32,7 +32,7 @@ fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
         surfels.iter().zip(1..).all(|(surfel, serial)| surfel.record.serial == serial),
         "ids are not in order of birth"
     );
-    (surfels.iter().map(|surfel| (Vec3::from(surfel.record.position) - eye).normalize()).collect(), covered)
+    (surfels.iter().map(|surfel| (Vec3::from(surfel.record.position) - eye).normalize_or(Vec3::Z)).collect(), covered)
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn two_rooms() -> Vec<Face> {
     faces
 }
 
-fn picture<'a>(rig: &mut Rig<'a>, size: [u32; 2], pins: bool) -> Box<dyn Technique> {
+fn picture(rig: &mut Rig<'_>, size: [u32; 2], pins: bool) -> Box<dyn Technique> {
     rig.size = size;
     rig.settings = SurfelSettings { pins, ..SETTINGS };
     rig.picture()
