@@ -210,6 +210,7 @@ impl SurfelCache {
         if self.measures_differences() {
             self.graph_pass(graph, kernels, "graph_learn", bytes, (0, 1))?.dispatch(each)?;
         }
+        self.graph_pass(graph, kernels, "graph_checkpoint", bytes, (0, 1))?.dispatch(each)?;
         self.graph_pass(graph, kernels, "graph_moments", bytes, (1, 0))?.dispatch(each)?;
         for ring in 0..WIDE_RINGS {
             let from = ring as usize % 2;

@@ -83,6 +83,7 @@ const KERNELS: &[&str] = &[
     "graph_join",
     "graph_shift",
     "graph_learn",
+    "graph_checkpoint",
     "graph_moments",
     "graph_pool",
     "graph_statistics",
