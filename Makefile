@@ -62,6 +62,10 @@ bench-accuracy: build ## Error of every reference camera, written into BENCHMARK
 bench-surfels: build ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --bin surfel-table -- BENCHMARKS.md
 
+.PHONY: bench-locality
+bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
+	$(CARGO) run --release --locked --package surfelcast-tests --example surfel_locality -- BENCHMARKS.md
+
 .PHONY: bench-error
 bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; plots in target/bench
 	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)

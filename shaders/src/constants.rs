@@ -57,6 +57,10 @@ shader_constants! {
     SURFEL_HIT_CANDIDATES: u32 = 4096;
     /// Slots in which those compete.
     SURFEL_CLAIM_SLOTS: u32 = 16384;
+    /// Bins of rays: 12 bits of place, 4 of direction.
+    SURFEL_RAY_BINS: u32 = 65536;
+    /// Octaves of distance, from half the edge of its cube on, that the trapezoidal grid's slices span.
+    SURFEL_GRID_OCTAVES: f32 = 5.0;
 }
 
 #[cfg(test)]

@@ -347,10 +347,10 @@ crate::gpu_structs! {
         pub surfel: u32,
         /// Sample number.
         pub sample: u32,
-        /// Unused.
-        pub padding0: u32,
-        /// Unused.
-        pub padding1: u32,
+        /// Bin by place and direction.
+        pub bin: u32,
+        /// Ray that is traced in this one's turn.
+        pub order: u32,
     }
 
     /// Where a surfel's ray first hit, 32 bytes.
@@ -433,7 +433,7 @@ crate::gpu_structs! {
         pub camera_count: u32,
         /// Surfels that fit.
         pub capacity: u32,
-        /// Grid slots minus one.
+        /// Slots that cells of cascades are hashed to, minus one.
         pub slot_mask: u32,
         /// Updates so far.
         pub update: u32,
@@ -477,14 +477,16 @@ crate::gpu_structs! {
         pub rows: u32,
         /// Bit for each level that holds surfels.
         pub levels: u32,
-        /// Unused.
-        pub padding0: u32,
-        /// Unused.
-        pub padding1: u32,
-        /// Unused.
-        pub padding2: u32,
-        /// Unused.
-        pub padding3: [u32; 4],
+        /// Slots of the grid.
+        pub grid_slots: u32,
+        /// Of the trapezoidal grid: cells along each side of its cube.
+        pub grid_cells: u32,
+        /// Slices of each region around that.
+        pub grid_slices: u32,
+        /// Its centre, scene space.
+        pub grid_center: [f32; 3],
+        /// Half the edge of its cube, metres.
+        pub grid_half_edge: f32,
     }
 
     /// Uniforms of the tone map, 16 bytes.
@@ -539,4 +541,10 @@ pub mod surfel_switches {
     pub const FEEDBACK: u32 = 16;
     /// First hits are kept, to be reconnected to neighbours.
     pub const SHIFTS: u32 = 32;
+    /// The grid is the trapezoidal one.
+    pub const TRAPEZOIDAL: u32 = 64;
+    /// Rays are traced in the order of their bins.
+    pub const BINNING: u32 = 128;
+    /// What the picture at work sees is pinned.
+    pub const PINNING: u32 = 256;
 }

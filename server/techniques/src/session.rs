@@ -31,7 +31,7 @@ impl SessionState {
         let mut held = self.surfels.lock();
         if let Some((of, cache)) = &*held
             && *of == materials
-            && *cache.lock().settings() == settings
+            && cache.lock().settings().of_cache() == settings.of_cache()
         {
             return Ok(Arc::clone(cache));
         }

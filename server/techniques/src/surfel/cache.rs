@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_TILE_WORDS};
+use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS, SURFEL_TILE_WORDS};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{
     FirstHit, SurfelEdge, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
@@ -12,14 +12,15 @@ use crate::passes::counters;
 use crate::passes::scan::Scan;
 use crate::passes::upload::SceneBuffers;
 use crate::surfel::graph::SurfelGraph;
-use crate::surfel::settings::{Estimator, Reconstruction, SurfelSettings};
+use crate::surfel::grid::GridShape;
+use crate::surfel::settings::{Estimator, Grid, Reconstruction, SurfelSettings};
 
 /// Smallest and largest capacity.
 const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];
 /// Share of the device's budget that a cache takes at most where its capacity is not given.
 const MEMORY_SHARE: u64 = 16;
-/// Grid entries for each surfel: cells are two radii wide, so none reaches into more.
-const ENTRIES_PER_SURFEL: u64 = 8;
+/// Grid entries for each surfel: cells of cascades are two radii wide, so none reaches into more.
+pub(crate) const ENTRIES_PER_SURFEL: u64 = 8;
 /// Cameras that decide on radii at most; more views are served all the same.
 const MAX_CAMERAS: usize = 8;
 /// Side of the smallest cells as a share of the scene's radius.
@@ -28,6 +29,8 @@ const CELL_SHARE: f32 = 1.0 / 262_144.0;
 const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
 /// Updates after a change during which means may forget by themselves.
 const DRIFT_UPDATES: u32 = 256;
+/// Directions in which the first surfels are looked for, where they are not those of gaps.
+const INITIAL_RANGE: [f32; 2] = [256.0, 1_048_576.0];
 const SEED_SALT: u64 = 0x7375_7266_656c_0001;
 
 /// A camera that uses the cache.
@@ -60,10 +63,13 @@ pub(crate) enum UpdateStage {
 pub struct SurfelCache {
     settings: SurfelSettings,
     seed: u64,
+    scene_radius: f32,
     cell_size: f32,
     radii: [f32; 2],
     pub(crate) capacity: u32,
-    pub(crate) slot_count: u32,
+    /// Slots of cascades, in which cameras and rays leave marks; their cells do not depend on the grid.
+    mark_slots: u32,
+    pub(crate) grid_shape: GridShape,
     pub(crate) scan: Scan,
     /// `SurfelRecord` by id.
     pub(crate) records: Buffer,
@@ -84,9 +90,13 @@ pub struct SurfelCache {
     pub(crate) slot_seen: Buffer,
     /// Last update in which a ray was served from a slot.
     pub(crate) slot_used: Buffer,
+    /// Not 0 where a picture that pins looked into a slot.
+    pub(crate) slot_pinned: Buffer,
     pub(crate) values: Buffer,
     pub(crate) claims: Buffer,
     pub(crate) rays: Buffer,
+    /// Rays of each bin, then the bins' first places.
+    pub(crate) bins: Buffer,
     pub(crate) candidates: Buffer,
     pub(crate) counters: Buffer,
     /// Edges between surfels, where light is reconstructed from them.
@@ -95,6 +105,8 @@ pub struct SurfelCache {
     pub(crate) no_hits: Buffer,
     /// Living surfels.
     pub(crate) live: u32,
+    /// Surfels that stood before gaps were filled.
+    pub(crate) seeded: u32,
     pub(crate) next_serial: u32,
     /// Bit for each grid level that holds surfels.
     pub(crate) levels: u32,
@@ -109,6 +121,10 @@ pub struct SurfelCache {
     pub(crate) stage: UpdateStage,
     cameras: Vec<(u64, CacheCamera)>,
     next_camera: u64,
+    /// Cameras that pin what they see.
+    pinning: Vec<u64>,
+    /// The last of them is gone: pins are to be taken out.
+    pub(crate) has_stale_pins: bool,
     exposure: f32,
     /// Living surfels are not in the grid yet: the cache was just read from disk.
     pub(crate) is_unfiled: bool,
@@ -132,18 +148,20 @@ impl SurfelCache {
         seed: u64,
     ) -> Result<Self, GpuError> {
         let capacity = capacity_for(gpu, settings.capacity, pixel_count);
-        let slot_count = capacity * 2;
+        let mark_slots = capacity * 2;
         let surfels = u64::from(capacity);
         let candidate_count = SURFEL_HIT_CANDIDATES;
-        let grid_words = u64::from(slot_count) + 2 + surfels * ENTRIES_PER_SURFEL;
+        let grid_words = u64::from(mark_slots) + 1 + surfels * ENTRIES_PER_SURFEL;
         let cache = Self {
-            settings,
+            settings: settings.of_cache(),
             seed: seed ^ SEED_SALT,
+            scene_radius: scene.radius,
             cell_size: (scene.radius * CELL_SHARE).max(f32::MIN_POSITIVE),
             radii: RADIUS_SHARES.map(|share| (scene.radius * share).max(f32::MIN_POSITIVE)),
             capacity,
-            slot_count,
-            scan: Scan::new(gpu, slot_count + 1)?,
+            mark_slots,
+            grid_shape: GridShape::cascades(mark_slots),
+            scan: Scan::new(gpu, mark_slots + 1)?,
             records: buffer_of::<SurfelRecord>(gpu, "surfels", surfels)?,
             lights: buffer_of::<SurfelLight>(gpu, "surfel_lights", surfels)?,
             outputs: buffer_of::<SurfelOutput>(gpu, "surfel_outputs", surfels)?,
@@ -151,12 +169,14 @@ impl SurfelCache {
             flags: buffer_of::<u32>(gpu, "surfel_flags", surfels)?,
             lists: buffer_of::<u32>(gpu, "surfel_lists", surfels * 2)?,
             grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words)?,
-            slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(slot_count))?,
-            slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(slot_count))?,
-            slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(slot_count))?,
+            slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(mark_slots))?,
+            slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(mark_slots))?,
+            slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(mark_slots))?,
+            slot_pinned: buffer_of::<u32>(gpu, "slot_pinned", u64::from(mark_slots))?,
             values: buffer_of::<u32>(gpu, "scan_values", surfels + 1)?,
             claims: buffer_of::<u32>(gpu, "claims", u64::from(SURFEL_CLAIM_SLOTS))?,
             rays: buffer_of::<SurfelRay>(gpu, "rays", 1)?,
+            bins: buffer_of::<u32>(gpu, "bins", u64::from(SURFEL_RAY_BINS))?,
             candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
             counters: counters::buffer(gpu)?,
             graph: if settings.reconstruction == Reconstruction::None {
@@ -166,6 +186,7 @@ impl SurfelCache {
             },
             no_hits: buffer_of::<FirstHit>(gpu, "first_hits", 1)?,
             live: 0,
+            seeded: 0,
             next_serial: 1,
             levels: 0,
             answer: buffer_of::<u32>(gpu, "answer", 4)?,
@@ -175,6 +196,8 @@ impl SurfelCache {
             stage: UpdateStage::Idle,
             cameras: Vec::new(),
             next_camera: 0,
+            pinning: Vec::new(),
+            has_stale_pins: false,
             exposure: 1.0,
             is_unfiled: false,
             has_stale_edges: true,
@@ -190,6 +213,7 @@ impl SurfelCache {
             &cache.grid,
             &cache.slot_seen,
             &cache.slot_used,
+            &cache.slot_pinned,
             &cache.rays,
             &cache.candidates,
             &cache.lists,
@@ -214,9 +238,17 @@ impl SurfelCache {
         [self.live, self.capacity]
     }
 
-    /// Registers a camera; the number names it from now on.
-    pub(crate) fn add_camera(&mut self) -> u64 {
+    /// Surfels that the first fill placed by [`crate::surfel::Initial`], with ids from 0 in the order of their directions.
+    pub fn seeded(&self) -> u32 {
+        self.seeded
+    }
+
+    /// Registers a camera, which pins what it sees or does not; the number names it from now on.
+    pub(crate) fn add_camera(&mut self, pins: bool) -> u64 {
         self.next_camera += 1;
+        if pins {
+            self.pinning.push(self.next_camera);
+        }
         self.next_camera
     }
 
@@ -232,6 +264,10 @@ impl SurfelCache {
     /// Forgets a camera.
     pub(crate) fn remove_camera(&mut self, camera: u64) {
         self.cameras.retain(|(known, _)| *known != camera);
+        if self.pinning.contains(&camera) {
+            self.pinning.retain(|known| *known != camera);
+            self.has_stale_pins |= self.pinning.is_empty();
+        }
     }
 
     /// The light changed: values stay as a first guess, and count for next to nothing.
@@ -268,6 +304,45 @@ impl SurfelCache {
         Ok(())
     }
 
+    /// Directions over the sphere for the first surfels: so many that discs of the size aimed at, with weights that average to
+    /// a third, cover it three times as much as is wanted on the average, and as much where they are thinnest.
+    pub(crate) fn initial_count(&self) -> u32 {
+        let pixel_size = self.cameras.first().map_or(1.0, |(_, camera)| camera.pixel_size);
+        let tangent = self.settings.radius_pixels * pixel_size;
+        let count = 3.0 * 3.0 * self.settings.coverage * 4.0 / (tangent * tangent).max(f32::MIN_POSITIVE);
+        (count.clamp(INITIAL_RANGE[0], INITIAL_RANGE[1]) as u32).min(self.capacity / 2)
+    }
+
+    /// The grid's shape as the settings and the first camera have it now.
+    pub(crate) fn wanted_grid(&self) -> GridShape {
+        match (self.settings.grid, self.cameras.first()) {
+            (Grid::Cascades, _) => GridShape::cascades(self.mark_slots),
+            (Grid::Trapezoidal, Some((_, camera))) => {
+                GridShape::trapezoidal(*camera, self.scene_radius, self.settings.radius_pixels)
+            }
+            (Grid::Trapezoidal, None) => self.grid_shape,
+        }
+    }
+
+    /// Gives the grid a shape, and room for so many entries at least. What was in it is lost.
+    pub(crate) fn shape_grid(&mut self, gpu: &Gpu, shape: GridShape, entries: u64) -> Result<(), GpuError> {
+        self.grid_shape = shape;
+        let slots = u64::from(shape.slots);
+        if self.grid.size_bytes() < (slots + 1 + entries) * 4 {
+            self.grid = buffer_of::<u32>(gpu, "surfel_grid", slots + 1 + entries)?;
+        }
+        if self.slot_cursors.size_bytes() < slots * 4 {
+            self.slot_cursors = buffer_of::<u32>(gpu, "slot_cursors", slots)?;
+            self.scan = Scan::new(gpu, shape.slots + 1)?;
+        }
+        Ok(())
+    }
+
+    /// Entries that the grid has room for.
+    pub(crate) fn grid_room(&self) -> u64 {
+        (self.grid.size_bytes() / 4).saturating_sub(u64::from(self.grid_shape.slots) + 1)
+    }
+
     /// Uniforms of a dispatch; callers fill in what it works on.
     pub(crate) fn uniforms(&self, ray_budget: u32) -> SurfelUniforms {
         let mut cameras = [[0.0; 4]; MAX_CAMERAS];
@@ -286,12 +361,14 @@ impl SurfelCache {
             (self.calm_updates < DRIFT_UPDATES, surfel_switches::DRIFT_TEST),
             (settings.feeds_back, surfel_switches::FEEDBACK),
             (self.measures_differences(), surfel_switches::SHIFTS),
+            (settings.grid == Grid::Trapezoidal, surfel_switches::TRAPEZOIDAL),
+            (settings.bins_rays, surfel_switches::BINNING),
         ];
         SurfelUniforms {
             cameras,
             camera_count: used.len() as u32,
             capacity: self.capacity,
-            slot_mask: self.slot_count - 1,
+            slot_mask: self.mark_slots - 1,
             update: self.update,
             seed: [self.seed as u32, (self.seed >> 32) as u32],
             cell_size: self.cell_size,
@@ -313,10 +390,11 @@ impl SurfelCache {
             columns: 0,
             rows: 0,
             levels: self.levels,
-            padding0: 0,
-            padding1: 0,
-            padding2: 0,
-            padding3: [0; 4],
+            grid_slots: self.grid_shape.slots,
+            grid_cells: self.grid_shape.cells,
+            grid_slices: self.grid_shape.slices,
+            grid_center: self.grid_shape.center,
+            grid_half_edge: self.grid_shape.half_edge,
         }
     }
 }

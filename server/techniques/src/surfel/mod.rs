@@ -9,6 +9,7 @@
 
 mod cache;
 mod graph;
+mod grid;
 mod kernels;
 mod look;
 mod settings;
@@ -25,7 +26,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, KNOBS, Knob, Reconstruction, SurfelSettings};
+pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -72,6 +73,9 @@ const KERNELS: &[&str] = &[
     "surfel_relight",
     "surfel_request",
     "surfel_rays",
+    "surfel_bin_count",
+    "surfel_bin_scatter",
+    "surfel_seed",
     "surfel_integrate",
     "surfel_share",
     "surfel_recycle",
@@ -151,7 +155,7 @@ impl SurfelPicture {
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
         let full_pixels = options.full_size[0].saturating_mul(options.full_size[1]);
         let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, full_pixels, options.seed)?;
-        let camera = cache.lock().add_camera();
+        let camera = cache.lock().add_camera(options.surfel.pins);
         Ok(Self {
             kernels,
             cache,
@@ -210,12 +214,14 @@ impl SurfelPicture {
                 .dispatch(workgroups_of(piece.pixel_count))?;
             add_passes(step, graph.submit()?.wait()?.passes);
         }
+        cache.file(work, step)?;
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
                 frame: bytemuck::bytes_of(frame),
                 visible: &self.visible,
                 points: &self.points,
                 size: self.options.size,
+                pins: self.options.surfel.pins,
             };
             let gain = cache.spawn(work, &asking, step)?;
             self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };
@@ -224,7 +230,7 @@ impl SurfelPicture {
         }
         // A picture that has not seen the newest update uses that one; else it drives the next.
         if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
-            cache.begin_update(work, self.ray_budget(), step)?;
+            cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(), step)?;
         }
         self.phase = Phase::Update;
         Ok(())

@@ -10,6 +10,28 @@ pub enum Estimator {
     Multiscale,
 }
 
+/// How surfels are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grid {
+    /// Hashed cells of power-of-two sizes, which depend on no camera.
+    #[default]
+    Cascades,
+    /// Uniform cells around the first camera and trapezoidal regions beyond (Brinck et al. 2021), to compare with.
+    Trapezoidal,
+}
+
+/// Where a cache's first surfels go, before gaps are filled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Initial {
+    /// Where gaps are, as all later ones.
+    #[default]
+    Gaps = 0,
+    /// Along directions of a Fibonacci sphere around the camera.
+    Fibonacci = 1,
+    /// Along a Hilbert curve over the sphere around the camera, so that neighbours get neighbouring ids.
+    Hilbert = 2,
+}
+
 /// How what surfels measured becomes what is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Reconstruction {
@@ -66,6 +88,15 @@ pub struct SurfelSettings {
     pub estimator: Estimator,
     /// Ray hits are served from the cache. Off, every path is traced to its end.
     pub feeds_back: bool,
+    /// Grid.
+    pub grid: Grid,
+    /// Rays of an update are traced in the order of where they start and which way they go.
+    pub bins_rays: bool,
+    /// Where the first surfels go.
+    pub initial: Initial,
+    /// What this picture sees is kept until the picture is gone, however full the cache. A wish of the picture's: pictures that
+    /// differ in it share a cache.
+    pub pins: bool,
 }
 
 impl SurfelSettings {
@@ -82,6 +113,10 @@ impl SurfelSettings {
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
+        grid: Grid::Cascades,
+        bins_rays: false,
+        initial: Initial::Gaps,
+        pins: false,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -169,7 +204,8 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| settings.reconstruction as u8 as f32,
         set: |settings, value| {
             let index = value.round() as usize;
-            settings.reconstruction = Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
+            settings.reconstruction =
+                Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
         },
     },
     Knob {
@@ -195,6 +231,40 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| f32::from(settings.feeds_back),
         set: |settings, value| settings.feeds_back = value >= 0.5,
     },
+    Knob {
+        name: "grid",
+        range: [0.0, 1.0],
+        help: "how surfels are found, 0: cells of every size, for any number of cameras; 1: a trapezoidal grid around the first, to compare",
+        get: |settings| f32::from(settings.grid == Grid::Trapezoidal),
+        set: |settings, value| settings.grid = if value >= 0.5 { Grid::Trapezoidal } else { Grid::Cascades },
+    },
+    Knob {
+        name: "binning",
+        range: [0.0, 1.0],
+        help: "1: rays are sorted by place and direction before they are traced. The same picture; pays where memory is slower than sorting",
+        get: |settings| f32::from(settings.bins_rays),
+        set: |settings, value| settings.bins_rays = value >= 0.5,
+    },
+    Knob {
+        name: "initial",
+        range: [0.0, 2.0],
+        help: "first surfels, 0: where the picture has gaps; 1: on a Fibonacci sphere around the camera; 2: along a Hilbert curve over it, which keeps neighbours together in memory",
+        get: |settings| settings.initial as u32 as f32,
+        set: |settings, value| {
+            settings.initial = match value.round() as u32 {
+                0 => Initial::Gaps,
+                1 => Initial::Fibonacci,
+                _ => Initial::Hilbert,
+            };
+        },
+    },
+    Knob {
+        name: "pin",
+        range: [0.0, 1.0],
+        help: "1: surfels that this picture sees are never recycled while it is there, wherever it turns. Fills the cache for others",
+        get: |settings| f32::from(settings.pins),
+        set: |settings, value| settings.pins = value >= 0.5,
+    },
 ];
 
 impl SurfelSettings {
@@ -212,6 +282,16 @@ impl SurfelSettings {
         let Some(value) = value else { return Err(format!("{name}: takes a number from {least} to {most}")) };
         (knob.set)(self, value);
         Ok(())
+    }
+
+    /// Settings without those that change how the cache works and nothing of what is in it.
+    pub(crate) fn of_content(&self) -> Self {
+        Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..self.of_cache() }
+    }
+
+    /// Settings without the wishes of a single picture.
+    pub(crate) fn of_cache(&self) -> Self {
+        Self { pins: false, ..*self }
     }
 
     /// Value of a knob.

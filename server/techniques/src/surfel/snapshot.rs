@@ -240,7 +240,7 @@ fn check_lights(lights: &[SurfelLight]) -> Result<(), SnapshotError> {
 }
 
 fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
-    Sha256::digest(format!("{settings:?}")).into()
+    Sha256::digest(format!("{:?}", settings.of_content())).into()
 }
 
 /// The first `count` items of a buffer.

@@ -3,18 +3,19 @@
 //! Everything is allocated by prefix sums in the order of ids and every sum runs in a fixed order, so a cache is a function
 //! of its settings, its seed and what was asked of it.
 
-use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime};
-use surfelcast_shaders::constants::SURFEL_HIT_CANDIDATES;
+use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime, Ticket};
+use surfelcast_shaders::constants::{SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::SurfelUniforms;
+use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
 
 use crate::passes::counters;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::passes::workgroups_of;
 use crate::path::merge_passes;
-use crate::surfel::cache::{SurfelCache, UpdateStage};
+use crate::surfel::cache::{ENTRIES_PER_SURFEL, SurfelCache, UpdateStage};
 use crate::surfel::kernels::KernelSet;
+use crate::surfel::settings::Initial;
 use crate::technique::{Step, TechniqueError};
 
 /// Pixels of a tile's side.
@@ -24,6 +25,9 @@ const BURST_ROUNDS: u32 = 24;
 const ROUNDS: u32 = 3;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
 const ROUND_GAIN: f32 = 0.01;
+/// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
+const MOST_ENTRIES_PER_SURFEL: u64 = 32;
+const MOST_CELLS: u32 = 4096;
 
 /// What a pass over the cache works with.
 pub(crate) struct Work<'a> {
@@ -42,6 +46,8 @@ pub(crate) struct Asking<'a> {
     /// Points in it that need surfels.
     pub(crate) points: &'a Buffer,
     pub(crate) size: [u32; 2],
+    /// What it sees is kept.
+    pub(crate) pins: bool,
 }
 
 impl SurfelCache {
@@ -62,9 +68,8 @@ impl SurfelCache {
     ) -> Result<f32, TechniqueError> {
         let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
-        if self.is_unfiled {
-            self.rebuild(work, self.live, step)?;
-            self.is_unfiled = false;
+        if self.settings().initial != Initial::Gaps && self.next_serial == 1 {
+            self.seed(work, asking.frame, step)?;
         }
         let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
         let mut first_gain = 0.0;
@@ -85,6 +90,28 @@ impl SurfelCache {
         Ok(first_gain)
     }
 
+    /// The first surfels: as many directions over the whole sphere as discs of their size cover it to what is wanted.
+    fn seed(&mut self, work: &Work<'_>, frame: &[u8], step: &mut Step) -> Result<(), TechniqueError> {
+        let Work { gpu, kernels, scene, lights } = *work;
+        let directions = self.initial_count();
+        self.reserve(gpu, 0, directions)?;
+        let mut uniforms = self.uniforms(0);
+        // In one row, so that only neighbours in order are asked whether they crowd each other.
+        (uniforms.columns, uniforms.rows) = (directions, 1);
+        uniforms.item_count = SURFEL_HIT_CANDIDATES + directions;
+        uniforms.first_item = self.settings().initial as u32;
+        let mut graph = gpu.graph("surfel_seed");
+        self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_seed")?))))
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .uniform("frame", frame)
+            .read_write("candidates", &self.candidates)
+            .dispatch(workgroups_of(directions))?;
+        step.rays[1] += u64::from(directions);
+        self.accept(work, frame, graph, &uniforms, step)?;
+        self.seeded = self.live;
+        Ok(())
+    }
+
     /// One new surfel for each tile at most. Returns how many were accepted.
     fn spawn_round(
         &mut self,
@@ -95,21 +122,38 @@ impl SurfelCache {
         step: &mut Step,
     ) -> Result<u32, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
-        let count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         let mut uniforms = self.uniforms(0);
         (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
-        uniforms.item_count = count;
+        uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         uniforms.first_item = round;
-        let bytes = bytemuck::bytes_of(&uniforms);
+        if asking.pins {
+            uniforms.switches |= surfel_switches::PINNING;
+        }
         let mut graph = gpu.graph("surfel_spawn");
         self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_coverage")?))))
-            .uniform("cache", bytes)
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
             .uniform("frame", asking.frame)
             .read("visible", asking.visible)
             .read("visible_points", asking.points)
             .read_write("candidates", &self.candidates)
             .read_write("slot_seen", &self.slot_seen)
+            .read_write("slot_pinned", &self.slot_pinned)
             .dispatch([tiles[0], tiles[1], 1])?;
+        self.accept(work, asking.frame, graph, &uniforms, step)
+    }
+
+    /// Makes surfels of the candidates that neither compete nor crowd. Returns how many were accepted.
+    fn accept(
+        &mut self,
+        work: &Work<'_>,
+        frame: &[u8],
+        mut graph: Graph,
+        uniforms: &SurfelUniforms,
+        step: &mut Step,
+    ) -> Result<u32, TechniqueError> {
+        let Work { kernels, scene, lights, .. } = *work;
+        let count = uniforms.item_count;
+        let bytes = bytemuck::bytes_of(uniforms);
         graph.clear(&self.claims)?;
         graph
             .pass(kernels.get("surfel_claim")?)
@@ -142,7 +186,7 @@ impl SurfelCache {
         lights
             .bind(scene.bind(graph.pass(kernels.get("surfel_probe")?)))
             .uniform("cache", bytes)
-            .uniform("frame", asking.frame)
+            .uniform("frame", frame)
             .read("candidates", &self.candidates)
             .read("scan_values", &self.values)
             .read("surfel_lists", &self.lists)
@@ -164,27 +208,56 @@ impl SurfelCache {
         Ok(accepted)
     }
 
+    /// Brings the cache up to date with its cameras: takes out pins of those gone, files what is not in the grid yet, and files
+    /// everything anew where the grid has to follow its camera.
+    pub(crate) fn file(&mut self, work: &Work<'_>, step: &mut Step) -> Result<(), TechniqueError> {
+        if self.has_stale_pins {
+            let mut graph = work.gpu.graph("surfel_unpin");
+            graph.clear(&self.slot_pinned)?;
+            graph.submit()?.wait()?;
+            self.has_stale_pins = false;
+        }
+        if self.is_unfiled || self.grid_shape != self.wanted_grid() {
+            self.rebuild(work, self.live, step)?;
+            self.is_unfiled = false;
+        }
+        Ok(())
+    }
+
     /// Lists the living and files them in the grid. `live` is how many there are now.
     fn rebuild(&mut self, work: &Work<'_>, live: u32, step: &mut Step) -> Result<(), TechniqueError> {
         let Work { gpu, kernels, .. } = *work;
         self.live = live;
-        let uniforms = self.uniforms(0);
-        let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_grid");
-        self.record_lists(&mut graph, kernels, bytes)?;
-        graph.clear(&self.grid)?;
-        graph.clear(&self.slot_cursors)?;
-        graph.clear(&self.answer)?;
-        graph
-            .pass(kernels.get("surfel_grid_count")?)
-            .uniform("cache", bytes)
-            .read("surfels", &self.records)
-            .read("surfel_lists", &self.lists)
-            .read_write("slot_counts", &self.grid)
-            .read_write("level_bits", &self.answer)
-            .dispatch(workgroups_of(live))?;
-        let levels = graph.read_back(&self.answer, 0..4)?;
-        self.scan.record(&mut graph, &self.grid, self.slot_count + 1)?;
+        self.record_lists(&mut graph, kernels, bytemuck::bytes_of(&self.uniforms(0)))?;
+        self.shape_grid(gpu, self.wanted_grid(), u64::from(self.capacity) * ENTRIES_PER_SURFEL)?;
+        // A surfel that the grid's camera is very close to would reach into more cells than there is room for.
+        let is_bounded = self.grid_shape.cells == 0;
+        let mut most_cells = if is_bounded { u32::MAX } else { MOST_CELLS };
+        let levels = loop {
+            let levels = self.record_grid_counts(&mut graph, kernels, most_cells)?;
+            if is_bounded {
+                break Some(levels);
+            }
+            let end = u64::from(self.grid_shape.slots) * 4;
+            let total = graph.read_back(&self.grid, end..end + 4)?;
+            let mut report = graph.submit()?.wait()?;
+            merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
+            self.levels = u32_of(&report.take(levels)?);
+            let total = u64::from(u32_of(&report.take(total)?));
+            graph = gpu.graph("surfel_grid");
+            if total <= self.grid_room() {
+                break None;
+            }
+            if total <= u64::from(self.capacity) * MOST_ENTRIES_PER_SURFEL {
+                self.shape_grid(gpu, self.grid_shape, total.next_power_of_two())?;
+            } else {
+                most_cells /= 2;
+            }
+        };
+        let mut uniforms = self.uniforms(0);
+        uniforms.item_count = most_cells;
+        let bytes = bytemuck::bytes_of(&uniforms);
         graph
             .pass(kernels.get("surfel_grid_scatter")?)
             .uniform("cache", bytes)
@@ -197,12 +270,39 @@ impl SurfelCache {
             .pass(kernels.get("surfel_grid_sort")?)
             .uniform("cache", bytes)
             .read_write("grid", &self.grid)
-            .dispatch(workgroups_of(self.slot_count))?;
+            .dispatch(workgroups_of(self.grid_shape.slots))?;
         self.has_stale_edges = true;
         let mut report = graph.submit()?.wait()?;
-        self.levels = u32_of(&report.take(levels)?);
+        if let Some(levels) = levels {
+            self.levels = u32_of(&report.take(levels)?);
+        }
         merge_passes(&mut step.passes, report.passes);
         Ok(())
+    }
+
+    /// Counts each slot's entries, leaving out surfels in more than so many cells, and sums them up.
+    fn record_grid_counts(
+        &self,
+        graph: &mut Graph,
+        kernels: &KernelSet,
+        most_cells: u32,
+    ) -> Result<Ticket, TechniqueError> {
+        let mut uniforms = self.uniforms(0);
+        uniforms.item_count = most_cells;
+        graph.clear(&self.grid)?;
+        graph.clear(&self.slot_cursors)?;
+        graph.clear(&self.answer)?;
+        graph
+            .pass(kernels.get("surfel_grid_count")?)
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .read("surfels", &self.records)
+            .read("surfel_lists", &self.lists)
+            .read_write("slot_counts", &self.grid)
+            .read_write("level_bits", &self.answer)
+            .dispatch(workgroups_of(self.live))?;
+        let levels = graph.read_back(&self.answer, 0..4)?;
+        self.scan.record(graph, &self.grid, self.grid_shape.slots + 1)?;
+        Ok(levels)
     }
 
     fn record_lists(&self, graph: &mut Graph, kernels: &KernelSet, cache: &[u8]) -> Result<(), TechniqueError> {
@@ -227,6 +327,7 @@ impl SurfelCache {
     pub(crate) fn begin_update(
         &mut self,
         work: &Work<'_>,
+        frame: &[u8],
         ray_budget: u32,
         step: &mut Step,
     ) -> Result<(), TechniqueError> {
@@ -273,6 +374,23 @@ impl SurfelCache {
             .read_write("ray_total", &self.answer)
             .dispatch(workgroups_of(self.live))?;
         let ray_total = graph.read_back(&self.answer, 0..4)?;
+        if self.settings().bins_rays {
+            graph.clear(&self.bins)?;
+            self.bind(graph.pass(kernels.get("surfel_bin_count")?))
+                .uniform("cache", bytes)
+                .uniform("frame", frame)
+                .read_write("rays", &self.rays)
+                .read("ray_total", &self.answer)
+                .read_write("bin_counts", &self.bins)
+                .dispatch(workgroups_of(ray_budget))?;
+            self.scan.record(&mut graph, &self.bins, SURFEL_RAY_BINS)?;
+            graph
+                .pass(kernels.get("surfel_bin_scatter")?)
+                .read_write("rays", &self.rays)
+                .read("ray_total", &self.answer)
+                .read_write("bin_places", &self.bins)
+                .dispatch(workgroups_of(ray_budget))?;
+        }
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         self.is_relit = false;
@@ -341,7 +459,7 @@ impl SurfelCache {
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
-    ) -> Result<surfelcast_gpu::Ticket, TechniqueError> {
+    ) -> Result<Ticket, TechniqueError> {
         let bytes = bytemuck::bytes_of(uniforms);
         let groups = workgroups_of(self.live);
         graph
@@ -371,6 +489,7 @@ impl SurfelCache {
             .read("surfel_lists", &self.lists)
             .read("slot_seen", &self.slot_seen)
             .read("slot_used", &self.slot_used)
+            .read("slot_pinned", &self.slot_pinned)
             .read_write("surfel_flags", &self.flags)
             .dispatch(groups)?;
         // How many are left; the lists follow only if that changed.

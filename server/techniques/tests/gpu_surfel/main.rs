@@ -2,10 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
+mod binning;
 mod change;
 mod energy;
+mod grid;
+mod initial;
 mod leaks;
 mod persistence;
+mod pin;
 mod repeat;
 mod rig;
 mod scenes;

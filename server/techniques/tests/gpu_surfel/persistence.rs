@@ -17,8 +17,8 @@ fn room() -> Vec<Face> {
     faces
 }
 
-/// A settled cache as bytes, and its picture's B.
-fn settled(gpu: &Gpu, scene: &Scene) -> (Vec<u8>, Vec<[f32; 4]>) {
+/// A settled cache as bytes; its picture's B and how many surfels there are one frame later.
+fn settled(gpu: &Gpu, scene: &Scene) -> (Vec<u8>, Vec<[f32; 4]>, u32) {
     let rig = Rig::new(gpu, scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 200);
@@ -27,14 +27,14 @@ fn settled(gpu: &Gpu, scene: &Scene) -> (Vec<u8>, Vec<[f32; 4]>) {
     picture.invalidate(surfelcast_techniques::Change::Camera);
     rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 1);
     let (_, irradiance) = picture.split().unwrap();
-    (bytes, rig.read(irradiance))
+    (bytes, rig.read(irradiance), picture.surfels().unwrap()[0])
 }
 
 #[test]
 fn the_first_frame_after_a_restart_is_the_converged_one() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
-    let (bytes, before) = settled(&gpu, &scene);
+    let (bytes, before, count) = settled(&gpu, &scene);
     let mut rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
     rig.session = SessionState::default();
     rig.session.offer_snapshot(IDENTITY, bytes);
@@ -43,13 +43,18 @@ fn the_first_frame_after_a_restart_is_the_converged_one() {
     assert_eq!(rays, 0, "the restored cache had to be traced");
     let (_, irradiance) = picture.split().unwrap();
     assert!(rig.read(irradiance) == before, "B differs from before the restart");
+    assert_eq!(
+        picture.surfels().unwrap()[0],
+        count,
+        "restored surfels were not found, and new ones put in their places"
+    );
 }
 
 #[test]
 fn damaged_and_foreign_files_are_refused_and_the_cache_is_made_anew() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
-    let (bytes, _) = settled(&gpu, &scene);
+    let (bytes, ..) = settled(&gpu, &scene);
     let rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
     let restore = |bytes: &[u8], identity: &SnapshotIdentity, settings: SurfelSettings| {
         SurfelCache::restore(&gpu, &rig.buffers, settings, SIZE[0] * SIZE[1], 5, identity, bytes)

@@ -43,9 +43,19 @@ fn a_full_cache_goes_on_and_stays_finite() {
     let settings = SurfelSettings { capacity: 65_536, radius_pixels: 1.5, coverage: 2.0, ..SurfelSettings::BALANCED };
     let rig = Rig::new(&gpu, &scene, settings, [512, 512]);
     let mut picture = rig.picture();
-    rig.frames(picture.as_mut(), camera([0.1, 0.05, 0.2], [0.9, 0.2, -0.6]), 12);
+    let view = camera([0.1, 0.05, 0.2], [0.9, 0.2, -0.6]);
+    let serials = || {
+        let cache = rig.session.surfels().unwrap();
+        let surfels = cache.lock().export(&gpu).unwrap();
+        surfels.iter().map(|surfel| surfel.record.serial).collect::<Vec<_>>()
+    };
+    rig.frames(picture.as_mut(), view, 4);
     let [live, capacity] = picture.surfels().unwrap();
     println!("{live} of {capacity} surfels");
-    assert!(live <= capacity && live > capacity / 2);
+    assert_eq!(live, capacity);
+    let before = serials();
+    rig.frames(picture.as_mut(), view, 8);
+    // More are wanted in every frame; none may take the place of one that is in use.
+    assert!(serials() == before, "a surfel in use was overwritten");
     assert!(rig.values(picture.as_ref()).iter().all(|value| value.is_finite() && *value < 4.0));
 }
