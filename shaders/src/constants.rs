@@ -57,6 +57,9 @@ shader_constants! {
     SURFEL_HIT_CANDIDATES: u32 = 4096;
     /// Slots in which those compete.
     SURFEL_CLAIM_SLOTS: u32 = 16384;
+    /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths beyond
+    /// 2 pi / 0.2 = 31 pixels are left to the values (Kettunen et al. 2015, section 6).
+    GRADIENT_SCREEN: f32 = 0.04;
 }
 
 #[cfg(test)]

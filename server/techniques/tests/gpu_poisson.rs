@@ -88,15 +88,17 @@ impl Problem {
             let pivot = matrix[j * count + j].sqrt();
             (j..count).for_each(|i| matrix[i * count + j] /= pivot);
         }
-        for i in 0..3 {
-            for r in 0..count {
-                let sum: f64 = (0..r).map(|c| matrix[r * count + c] * right[c][i]).sum();
-                right[r][i] = (right[r][i] - sum) / matrix[r * count + r];
+        for r in 0..count {
+            for c in 0..r {
+                (0..3).for_each(|i| right[r][i] -= matrix[r * count + c] * right[c][i]);
             }
-            for r in (0..count).rev() {
-                let sum: f64 = (r + 1..count).map(|c| matrix[c * count + r] * right[c][i]).sum();
-                right[r][i] = (right[r][i] - sum) / matrix[r * count + r];
+            right[r] = right[r].map(|v| v / matrix[r * count + r]);
+        }
+        for r in (0..count).rev() {
+            for c in r + 1..count {
+                (0..3).for_each(|i| right[r][i] -= matrix[c * count + r] * right[c][i]);
             }
+            right[r] = right[r].map(|v| v / matrix[r * count + r]);
         }
         right
     }

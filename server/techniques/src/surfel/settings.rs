@@ -169,7 +169,8 @@ pub const KNOBS: &[Knob] = &[
         get: |settings| settings.reconstruction as u8 as f32,
         set: |settings, value| {
             let index = value.round() as usize;
-            settings.reconstruction = Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
+            settings.reconstruction =
+                Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
         },
     },
     Knob {

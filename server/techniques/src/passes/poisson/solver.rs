@@ -54,6 +54,13 @@ pub struct PoissonReport {
     pub passes: Vec<PassTime>,
 }
 
+impl PoissonReport {
+    /// Milliseconds on the device.
+    pub fn gpu_ms(&self) -> f64 {
+        self.passes.iter().map(|pass| pass.gpu_ms).sum()
+    }
+}
+
 /// A grid of the V-cycle.
 #[derive(Debug)]
 struct Level {
@@ -177,6 +184,13 @@ impl PoissonSolver {
         })
     }
 
+    /// Changes the scale of an L1 norm; does nothing to others.
+    pub fn set_scale(&mut self, new_scale: f32) {
+        if let Norm::L1 { scale, .. } = &mut self.settings.norm {
+            *scale = new_scale;
+        }
+    }
+
     /// Solves to the end.
     pub fn solve(&mut self, gpu: &Gpu, problem: &PoissonProblem<'_>) -> Result<PoissonReport, GpuError> {
         self.begin(gpu, problem)?;
@@ -185,6 +199,11 @@ impl PoissonSolver {
     }
 
     /// What was done since [`begin`](Self::begin).
+    pub fn report(&self) -> &PoissonReport {
+        &self.report
+    }
+
+    /// Hands that out.
     pub fn take_report(&mut self) -> PoissonReport {
         std::mem::take(&mut self.report)
     }
@@ -224,17 +243,29 @@ impl PoissonSolver {
         Ok(false)
     }
 
-    /// A pass over a grid: its kernel with the uniforms bound.
-    fn pass<'g>(
-        &self,
-        graph: &'g mut Graph,
-        kernel: &Kernel,
-        size: [u32; 2],
-        selector: u32,
-        factor: f32,
-    ) -> PassBuilder<'g> {
-        let uniforms = PoissonUniforms { width: size[0], height: size[1], selector, factor };
-        graph.pass(kernel).uniform("poisson", bytemuck::bytes_of(&uniforms))
+    /// Residual of the solution as it stands, computed anew, as a share of the residual of V; the one in the
+    /// [report](Self::report) is carried along by conjugate gradients, and goes on falling when `f32` has no more to give. Not
+    /// counted in the report.
+    pub fn true_residual(&self, gpu: &Gpu, problem: &PoissonProblem<'_>) -> Result<f64, GpuError> {
+        let mut graph = gpu.graph("poisson_residual");
+        let groups = workgroups_of(self.size[0] * self.size[1]);
+        // Between iterations this vector holds nothing that is still needed.
+        pass(&mut graph, &self.kernels.right_side, self.size, 0, 0.0)
+            .read("poisson_weights", self.weights(problem))
+            .read("poisson_value", problem.value)
+            .read("poisson_differences", problem.differences)
+            .read_write("poisson_right", &self.products)
+            .dispatch(groups)?;
+        pass(&mut graph, &self.kernels.measure, self.size, 0, 0.0)
+            .read("poisson_weights", self.weights(problem))
+            .read("poisson_values", problem.solution)
+            .read("poisson_right", &self.products)
+            .read_write("poisson_partials", &self.partials)
+            .dispatch(groups)?;
+        self.reduce(&mut graph, NORM)?;
+        let ticket = graph.read_back(&self.scalars, 0..SCALAR_BYTES)?;
+        let scalars: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&graph.submit()?.wait()?.take(ticket)?);
+        Ok((squared_norm(&scalars) / self.reference).sqrt())
     }
 
     /// Weights of the round in hand.
@@ -252,7 +283,7 @@ impl PoissonSolver {
         let mut graph = gpu.graph("poisson");
         if let (Norm::L1 { scale, .. }, Some(reweighted), 1..) = (self.settings.norm, &self.reweighted, self.round) {
             let added = L1_SHARE * scale * 0.5f32.powi(self.round as i32 - 1);
-            self.pass(&mut graph, &self.kernels.reweight, size, 0, added)
+            pass(&mut graph, &self.kernels.reweight, size, 0, added)
                 .read("base_weights", problem.weights)
                 .read("poisson_value", problem.value)
                 .read("poisson_differences", problem.differences)
@@ -261,14 +292,14 @@ impl PoissonSolver {
                 .dispatch(groups)?;
         }
         let weights = self.weights(problem).clone();
-        self.pass(&mut graph, &self.kernels.right_side, size, 0, 0.0)
+        pass(&mut graph, &self.kernels.right_side, size, 0, 0.0)
             .read("poisson_weights", &weights)
             .read("poisson_value", problem.value)
             .read("poisson_differences", problem.differences)
             .read_write("poisson_right", &self.residual)
             .dispatch(groups)?;
         // The residual of V is what later ones are compared with, whatever the start.
-        self.pass(&mut graph, &self.kernels.measure, size, 0, 0.0)
+        pass(&mut graph, &self.kernels.measure, size, 0, 0.0)
             .read("poisson_weights", &weights)
             .read("poisson_values", problem.value)
             .read("poisson_right", &self.residual)
@@ -280,7 +311,7 @@ impl PoissonSolver {
         }
         let mut finer = (size, weights.clone());
         for level in &self.levels {
-            self.pass(&mut graph, &self.kernels.coarsen, finer.0, 0, self.settings.coarse_edge)
+            pass(&mut graph, &self.kernels.coarsen, finer.0, 0, self.settings.coarse_edge)
                 .read("poisson_weights", &finer.1)
                 .read_write("coarse_weights", &level.weights)
                 .dispatch(workgroups_of(level.size[0] * level.size[1]))?;
@@ -290,7 +321,7 @@ impl PoissonSolver {
         self.reference = self.submit(graph)?;
         if let Solver::ConjugateGradients(preconditioner) = self.settings.solver {
             let mut graph = gpu.graph("poisson");
-            self.pass(&mut graph, &self.kernels.subtract, size, 0, 0.0)
+            pass(&mut graph, &self.kernels.subtract, size, 0, 0.0)
                 .read("poisson_weights", &weights)
                 .read("poisson_values", problem.solution)
                 .read_write("poisson_residual", &self.residual)
@@ -310,7 +341,7 @@ impl PoissonSolver {
             Start::Gaussian { sigma } => (0, sigma),
         };
         let mut axis = |selector, source: &Buffer, target: &Buffer| {
-            self.pass(graph, &self.kernels.start, self.size, selector, sigma)
+            pass(graph, &self.kernels.start, self.size, selector, sigma)
                 .read("poisson_weights", weights)
                 .read("poisson_source", source)
                 .read("poisson_differences", problem.differences)
@@ -335,7 +366,7 @@ impl PoissonSolver {
             Solver::Jacobi => {
                 for _ in 0..count.div_ceil(2) {
                     for (from, to) in [(problem.solution, &self.products), (&self.products, problem.solution)] {
-                        self.pass(graph, &self.kernels.jacobi, size, 0, 0.0)
+                        pass(graph, &self.kernels.jacobi, size, 0, 0.0)
                             .read("poisson_weights", weights)
                             .read("poisson_right", &self.residual)
                             .read("poisson_values", from)
@@ -360,7 +391,7 @@ impl PoissonSolver {
                 return Ok(done);
             }
         }
-        self.pass(graph, &self.kernels.measure, size, 0, 0.0)
+        pass(graph, &self.kernels.measure, size, 0, 0.0)
             .read("poisson_weights", weights)
             .read("poisson_values", problem.solution)
             .read("poisson_right", &self.residual)
@@ -380,14 +411,14 @@ impl PoissonSolver {
         let Some(directions) = &self.directions else { return Ok(()) };
         let weights = self.weights(problem);
         let groups = workgroups_of(self.size[0] * self.size[1]);
-        self.pass(graph, &self.kernels.apply, self.size, 0, 0.0)
+        pass(graph, &self.kernels.apply, self.size, 0, 0.0)
             .read("poisson_weights", weights)
             .read("poisson_directions", directions)
             .read_write("poisson_products", &self.products)
             .read_write("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, CURVATURE)?;
-        self.pass(graph, &self.kernels.step, self.size, 0, 0.0)
+        pass(graph, &self.kernels.step, self.size, 0, 0.0)
             .read("poisson_scalars", &self.scalars)
             .read("poisson_directions", directions)
             .read("poisson_products", &self.products)
@@ -414,19 +445,19 @@ impl PoissonSolver {
             self.v_cycle(graph, 0, (self.size, weights, &self.residual, correction))?;
         } else {
             let selector = u32::from(preconditioner == Preconditioner::Diagonal);
-            self.pass(graph, &self.kernels.diagonal, self.size, selector, 0.0)
+            pass(graph, &self.kernels.diagonal, self.size, selector, 0.0)
                 .read("poisson_weights", weights)
                 .read("poisson_residual", &self.residual)
                 .read_write("poisson_correction", correction)
                 .dispatch(groups)?;
         }
-        self.pass(graph, &self.kernels.dot, self.size, 0, 0.0)
+        pass(graph, &self.kernels.dot, self.size, 0, 0.0)
             .read("poisson_residual", &self.residual)
             .read("poisson_correction", correction)
             .read_write("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, sum)?;
-        self.pass(graph, &self.kernels.direction, self.size, u32::from(sum == NEXT_RZ), 0.0)
+        pass(graph, &self.kernels.direction, self.size, u32::from(sum == NEXT_RZ), 0.0)
             .read("poisson_scalars", &self.scalars)
             .read("poisson_correction", correction)
             .read_write("poisson_directions", directions)
@@ -443,8 +474,7 @@ impl PoissonSolver {
     ) -> Result<(), GpuError> {
         let (size, weights, right, values) = grid;
         let Some(coarse) = self.levels.get(depth) else {
-            return self
-                .pass(graph, &self.kernels.coarsest, size, 0, 0.0)
+            return pass(graph, &self.kernels.coarsest, size, 0, 0.0)
                 .read("poisson_weights", weights)
                 .read("poisson_right", right)
                 .read_write("poisson_values", values)
@@ -452,7 +482,7 @@ impl PoissonSolver {
         };
         self.smooth(graph, grid, 0, 1.0)?;
         self.smooth(graph, grid, 1, 1.0)?;
-        self.pass(graph, &self.kernels.restrict, size, 0, 0.0)
+        pass(graph, &self.kernels.restrict, size, 0, 0.0)
             .read("poisson_weights", weights)
             .read("poisson_right", right)
             .read("poisson_values", values)
@@ -460,7 +490,7 @@ impl PoissonSolver {
             .dispatch(workgroups_of(coarse.size[0] * coarse.size[1]))?;
         graph.clear(&coarse.values)?;
         self.v_cycle(graph, depth + 1, (coarse.size, &coarse.weights, &coarse.right, &coarse.values))?;
-        self.pass(graph, &self.kernels.prolong, size, 0, 0.0)
+        pass(graph, &self.kernels.prolong, size, 0, 0.0)
             .read("coarse_values", &coarse.values)
             .read_write("poisson_values", values)
             .dispatch(workgroups_of(size[0] * size[1]))?;
@@ -476,7 +506,7 @@ impl PoissonSolver {
         color: u32,
         relaxation: f32,
     ) -> Result<(), GpuError> {
-        self.pass(graph, &self.kernels.gauss_seidel, size, color, relaxation)
+        pass(graph, &self.kernels.gauss_seidel, size, color, relaxation)
             .read("poisson_weights", weights)
             .read("poisson_right", right)
             .read_write("poisson_values", values)
@@ -486,7 +516,7 @@ impl PoissonSolver {
     /// Adds up the partial sums.
     fn reduce(&self, graph: &mut Graph, sum: u32) -> Result<(), GpuError> {
         let [columns, rows, _] = workgroups_of(self.size[0] * self.size[1]);
-        self.pass(graph, &self.kernels.reduce, [columns * rows, 1], sum, 0.0)
+        pass(graph, &self.kernels.reduce, [columns * rows, 1], sum, 0.0)
             .read("poisson_partials", &self.partials)
             .read_write("poisson_scalars", &self.scalars)
             .dispatch([1, 1, 1])
@@ -498,6 +528,17 @@ impl PoissonSolver {
         let mut report = graph.submit()?.wait()?;
         let scalars: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(ticket)?);
         merge_passes(&mut self.report.passes, report.passes);
-        Ok(scalars.get(NORM as usize).map_or(0.0, |norm| norm[..3].iter().map(|&v| f64::from(v)).sum()))
+        Ok(squared_norm(&scalars))
     }
+}
+
+/// Squared norm of the residual among the scalars, over all channels.
+fn squared_norm(scalars: &[[f32; 4]]) -> f64 {
+    scalars.get(NORM as usize).map_or(0.0, |norm| norm[..3].iter().map(|&v| f64::from(v)).sum())
+}
+
+/// A pass over a grid: its kernel with the uniforms bound.
+fn pass<'g>(graph: &'g mut Graph, kernel: &Kernel, size: [u32; 2], selector: u32, factor: f32) -> PassBuilder<'g> {
+    let uniforms = PoissonUniforms { width: size[0], height: size[1], selector, factor };
+    graph.pass(kernel).uniform("poisson", bytemuck::bytes_of(&uniforms))
 }
