@@ -86,6 +86,10 @@ bench-peers: build ## Seconds to an error beside other renderers, written into B
 bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md
 	$(SURFELCAST) bench scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
+.PHONY: bench-poisson
+bench-poisson: build ## Convergence of Poisson solvers, written into BENCHMARKS.md; plots in target/bench
+	$(SURFELCAST) bench poisson --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
 .PHONY: film-strips
 film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
 	$(CARGO) run --release --locked --package surfelcast-tests --example film_strip -- docs

@@ -61,6 +61,9 @@ shader_constants! {
     SURFEL_RAY_BINS: u32 = 65536;
     /// Octaves of distance, from half the edge of its cube on, that the trapezoidal grid's slices span.
     SURFEL_GRID_OCTAVES: f32 = 5.0;
+    /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths beyond
+    /// 2 pi / 0.2 = 31 pixels are left to the values (Kettunen et al. 2015, section 6).
+    GRADIENT_SCREEN: f32 = 0.04;
 }
 
 #[cfg(test)]

@@ -267,6 +267,30 @@ crate::gpu_structs! {
         pub padding2: u32,
     }
 
+    /// Grid of a screened Poisson problem, 16 bytes.
+    pub struct PoissonUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// What the kernel is asked for.
+        pub selector: u32,
+        /// A number that goes with it.
+        pub factor: f32,
+    }
+
+    /// Uniforms of `gradient`'s passes between tracing and the picture, 16 bytes.
+    pub struct GradientUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Factor of the values' variance.
+        pub value_factor: f32,
+        /// Factor of the differences' variance.
+        pub edge_factor: f32,
+    }
+
     /// Where a surfel lies, 48 bytes.
     pub struct SurfelRecord {
         /// Scene space.

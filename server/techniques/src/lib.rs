@@ -4,6 +4,7 @@
 //! error audit. Each technique is one folder and one line in [`registry`]. A technique records passes into a frame graph;
 //! it owns its history and says what of it survives a change.
 
+pub mod gradient;
 pub mod passes;
 pub mod path;
 pub mod registry;

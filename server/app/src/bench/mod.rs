@@ -3,6 +3,8 @@
 mod case;
 mod error;
 mod peers;
+mod poisson;
+mod poisson_problem;
 mod record;
 mod scale;
 mod scale_scene;
@@ -36,6 +38,8 @@ enum BenchCommand {
     Error(Box<error::ErrorArgs>),
     /// Time and memory against the size of scene and cache, and what a second camera adds.
     Scale(scale::ScaleArgs),
+    /// Convergence of image-space Poisson solvers.
+    Poisson(Box<poisson::PoissonArgs>),
 }
 
 /// Where results go, shared by all benchmarks.
@@ -56,6 +60,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<(), Failure> {
     match &args.command {
         BenchCommand::Error(args) => error::run(args),
         BenchCommand::Scale(args) => scale::run(args),
+        BenchCommand::Poisson(args) => poisson::run(args),
     }
 }
 

@@ -6,6 +6,7 @@ pub mod features;
 pub mod first_surface;
 pub mod frame;
 pub mod lights;
+pub mod poisson;
 pub mod scan;
 pub mod tone_map;
 pub mod upload;

@@ -76,14 +76,18 @@ impl SurfelGraph {
             directions: by_surfel("node_directions")?,
             products: by_surfel("node_products")?,
             pools: [by_surfel("pool_a")?, by_surfel("pool_b")?],
-            partial_sums: gpu.buffer(
-                "partial_sums",
-                MemoryKind::Session,
-                u64::from(SUM_GROUPS) * SUM_REGIONS * 16,
-            )?,
+            partial_sums: gpu.buffer("partial_sums", MemoryKind::Session, u64::from(SUM_GROUPS) * SUM_REGIONS * 16)?,
         };
         let mut graph = gpu.graph("surfel_graph");
-        let by_id = [&made.edges, &made.checkpoints, &made.links, &made.statistics, &made.solutions, &made.gradients, &made.values];
+        let by_id = [
+            &made.edges,
+            &made.checkpoints,
+            &made.links,
+            &made.statistics,
+            &made.solutions,
+            &made.gradients,
+            &made.values,
+        ];
         let by_ray = [&made.first_hits, &made.shifts];
         for buffer in by_id.into_iter().chain(by_ray).chain(&made.pools).chain([&made.chosen, &made.partial_sums]) {
             graph.clear(buffer)?;

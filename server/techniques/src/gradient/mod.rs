@@ -1,0 +1,388 @@
+//! `gradient`: gradient-domain path tracing (Kettunen et al. 2015). Every path drags along the paths of the four neighbouring
+//! pixels; the differences between them are far less noisy than the values, and a screened Poisson problem makes one picture
+//! of both. Light transport and shifts are described in `shaders/techniques/gradient`.
+//!
+//! Batches of samples are those of `path`; after each whole batch the picture is reconstructed anew. Weights are the same
+//! everywhere and known beforehand, so the least-squares picture is linear in what was measured, and unbiased.
+
+mod spread;
+
+use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::constants::GRADIENT_SCREEN;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::GradientUniforms;
+
+use crate::passes::features::features_for;
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::poisson::{Norm, PoissonProblem, PoissonSettings, PoissonSolver};
+use crate::passes::upload::SceneBuffers;
+use crate::passes::{counters, workgroups_of};
+use crate::path::{general_features, merge_passes};
+use crate::technique::{
+    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
+};
+
+/// Registry line of the least-squares reconstruction.
+pub const ENTRY: TechniqueEntry = TechniqueEntry {
+    id: "gradient",
+    label: "Gradient domain",
+    summary: "Path tracing of pixels and of their differences, and the picture that fits both in least squares.",
+    conformance: Conformance::Unbiased,
+    kernels: KERNELS,
+    needs: |_| Ok(()),
+    create: |gpu, scene, lights, _, options| {
+        Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(Norm::L2))?))
+    },
+};
+
+/// Registry line of the reconstruction that resists outliers.
+pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
+    id: "gradient_l1",
+    label: "Gradient domain, robust",
+    summary: "The same by absolute instead of squared residuals: outliers fade, at the price of a small bias.",
+    conformance: Conformance::Consistent,
+    create: |gpu, scene, lights, _, options| {
+        let norm = Norm::L1 { rounds: L1_ROUNDS, scale: 1.0 };
+        Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(norm))?))
+    },
+    ..ENTRY
+};
+
+/// The kernels that depend on the scene's features.
+const KERNELS: &[&str] = &["gradient_trace", "gradient_weights"];
+/// Threads of a workgroup of `gradient_trace`, and its pixels in one dispatch at most.
+const WORKGROUP: u32 = 64;
+const MAX_PIXELS: u32 = 65_535 * WORKGROUP;
+/// Iterations of a round at most, and the residual that ends it sooner.
+const ITERATIONS: u32 = 32;
+const TOLERANCE: f32 = 3e-4;
+/// Reweighted rounds of the L1 norm.
+const L1_ROUNDS: u32 = 4;
+
+/// What becomes of values and differences.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reconstruction {
+    /// A screened Poisson problem in this norm.
+    Poisson(Norm),
+    /// The values as they are: path tracing at a higher price, to look at what goes into the reconstruction.
+    None,
+}
+
+/// What the technique is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Trace,
+    /// The batch is traced; the problem is to be set up.
+    Begin,
+    /// It is being solved.
+    Solve,
+}
+
+/// The technique at work.
+#[derive(Debug)]
+pub struct GradientTracer {
+    options: TechniqueOptions,
+    /// Variant that fits the scene.
+    features: Features,
+    trace: Kernel,
+    weigh: Kernel,
+    /// Variant of both: the general one until the fitting one is compiled.
+    running_features: Features,
+    edges: Kernel,
+    compose: Kernel,
+    /// `vec4f` a pixel: mean radiance, squared deviation of luminance; the values that are reconstructed.
+    accumulation: Buffer,
+    /// The same of light that is seen directly.
+    seen_means: Buffer,
+    /// Four `vec4f` a pixel: this side's share of the differences to the right, left, below, above.
+    shift_means: Buffer,
+    /// The problem: two `vec4f` a pixel, one, and its solution.
+    differences: Buffer,
+    weights: Buffer,
+    solution: Buffer,
+    /// The reconstruction with the spread of its noise.
+    picture: Buffer,
+    counters: Buffer,
+    solver: Option<PoissonSolver>,
+    phase: Phase,
+    /// Samples a pixel in the picture.
+    samples: u32,
+    /// Size of the batch in hand; 0 between batches.
+    batch: u32,
+    /// Pixels of the batch in hand that are done.
+    batch_pixels: u32,
+}
+
+impl GradientTracer {
+    /// For one picture.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        options: TechniqueOptions,
+        reconstruction: Reconstruction,
+    ) -> Result<Self, TechniqueError> {
+        if options.is_split {
+            return Err(TechniqueError::Unsupported {
+                technique: ENTRY.id,
+                reason: "direct and indirect light are not kept apart; ask `path` for them".to_owned(),
+            });
+        }
+        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, false);
+        // The first picture does not wait for a compiler.
+        let is_ready = KERNELS.iter().all(|kernel| gpu.kernel_if_ready(kernel, features).is_some());
+        let running_features = if options.waits_for_kernels || is_ready {
+            features
+        } else {
+            for kernel in KERNELS {
+                gpu.prepare(kernel, features);
+            }
+            general_features(options.materials, false)
+        };
+        let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
+        let buffer = |label, vectors: u64| gpu.buffer(label, MemoryKind::View, pixels * 16 * vectors);
+        let solver = match reconstruction {
+            Reconstruction::Poisson(norm) => {
+                let settings = PoissonSettings {
+                    norm,
+                    iterations: ITERATIONS,
+                    tolerance: TOLERANCE,
+                    ..PoissonSettings::default()
+                };
+                Some(PoissonSolver::new(gpu, options.size, settings)?)
+            }
+            Reconstruction::None => None,
+        };
+        Ok(Self {
+            features,
+            trace: gpu.kernel(KERNELS[0], running_features)?,
+            weigh: gpu.kernel(KERNELS[1], running_features)?,
+            running_features,
+            edges: gpu.kernel("gradient_edges", Features::NONE)?,
+            compose: gpu.kernel("gradient_picture", Features::NONE)?,
+            accumulation: buffer("accumulation", 1)?,
+            seen_means: buffer("seen_means", 1)?,
+            shift_means: buffer("shift_means", 4)?,
+            differences: buffer("poisson_differences", 2)?,
+            weights: buffer("poisson_weights", 1)?,
+            solution: buffer("poisson_solution", 1)?,
+            picture: buffer("picture", 1)?,
+            counters: counters::buffer(gpu)?,
+            solver,
+            phase: Phase::Trace,
+            samples: 0,
+            batch: 0,
+            batch_pixels: 0,
+            options,
+        })
+    }
+
+    /// Mean radiance by pixel before reconstruction, without light that is seen directly; `vec4f`.
+    pub fn values(&self) -> &Buffer {
+        &self.accumulation
+    }
+
+    /// Mean radiance that is seen directly by pixel; `vec4f`.
+    pub fn seen(&self) -> &Buffer {
+        &self.seen_means
+    }
+
+    /// Measured differences to the right and downwards; two `vec4f` a pixel.
+    pub fn differences(&self) -> &Buffer {
+        &self.differences
+    }
+
+    /// Weights of the reconstruction; `vec4f` a pixel.
+    pub fn weights(&self) -> &Buffer {
+        &self.weights
+    }
+
+    fn pixel_count(&self) -> u32 {
+        self.options.size[0] * self.options.size[1]
+    }
+
+    /// As many samples as there are already, so that a first picture comes soon and later ones cost little overhead.
+    fn next_batch(&self, budget: &StepBudget) -> u32 {
+        let left = budget.until_samples.saturating_sub(self.samples);
+        self.samples.max(1).min(budget.max_batch.max(1)).min(left)
+    }
+
+    fn trace(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        max_paths: u64,
+    ) -> Result<Step, TechniqueError> {
+        let affordable_groups = max_paths / u64::from(self.batch) / u64::from(WORKGROUP);
+        let groups = affordable_groups.clamp(1, u64::from(MAX_PIXELS / WORKGROUP)) as u32;
+        let range = (groups * WORKGROUP).min(self.pixel_count() - self.batch_pixels);
+        let mut uniforms = view.uniforms(scene, lights, self.running_features, self.options.seed);
+        uniforms.first_pixel = self.batch_pixels;
+        uniforms.pixel_count = range;
+        uniforms.first_sample = self.samples;
+        uniforms.sample_count = self.batch;
+        let mut graph = gpu.graph("gradient");
+        graph.clear(&self.counters)?;
+        lights
+            .bind(scene.bind(graph.pass(&self.trace)))
+            .uniform("frame", bytemuck::bytes_of(&uniforms))
+            .read_write("accumulation", &self.accumulation)
+            .read_write("seen_means", &self.seen_means)
+            .read_write("shift_means", &self.shift_means)
+            .read_write("counters", &self.counters)
+            .dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
+        if self.samples == 0 {
+            // Once for a camera, piece by piece like the paths.
+            lights
+                .bind(scene.bind(graph.pass(&self.weigh)))
+                .uniform("frame", bytemuck::bytes_of(&uniforms))
+                .read_write("poisson_weights", &self.weights)
+                .dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
+        }
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
+        let mut report = graph.submit()?.wait()?;
+        let counts = counters::sum(&report.take(ticket)?);
+        self.batch_pixels += range;
+        if self.batch_pixels == self.pixel_count() {
+            self.phase = Phase::Begin;
+        }
+        Ok(Step {
+            paths: u64::from(range) * u64::from(self.batch),
+            rays: counts.rays,
+            non_finite: counts.non_finite,
+            passes: report.passes,
+            ..Step::default()
+        })
+    }
+
+    /// One submission's worth of the reconstruction; returns whether the picture is finished.
+    fn reconstruct(&mut self, gpu: &Gpu, exposure: f32, step: &mut Step) -> Result<bool, TechniqueError> {
+        if self.phase == Phase::Begin {
+            let mut graph = gpu.graph("gradient_edges");
+            graph
+                .pass(&self.edges)
+                .uniform("gradient", bytemuck::bytes_of(&self.uniforms([0.0; 2])))
+                .read("shift_means", &self.shift_means)
+                .read_write("poisson_differences", &self.differences)
+                .dispatch(workgroups_of(self.pixel_count()))?;
+            merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
+        }
+        if let Some(solver) = &mut self.solver {
+            let problem = PoissonProblem {
+                value: &self.accumulation,
+                weights: &self.weights,
+                differences: &self.differences,
+                solution: &self.solution,
+            };
+            if self.phase == Phase::Begin {
+                // Residuals are small or large by what the viewer sees.
+                solver.set_scale(1.0 / exposure.max(1e-6));
+                solver.begin(gpu, &problem)?;
+                self.phase = Phase::Solve;
+                return Ok(false);
+            }
+            if !solver.advance(gpu, &problem, u32::MAX)? {
+                return Ok(false);
+            }
+            merge_passes(&mut step.passes, solver.take_report().passes);
+        }
+        self.write_picture(gpu, step)?;
+        Ok(true)
+    }
+
+    /// Writes the picture.
+    fn write_picture(&self, gpu: &Gpu, step: &mut Step) -> Result<(), TechniqueError> {
+        // Without reconstruction the values are the picture, and their noise its noise.
+        let (source, factors) = match self.solver {
+            Some(_) => (&self.solution, spread::variance_factors(GRADIENT_SCREEN)),
+            None => (&self.accumulation, [1.0, 0.0]),
+        };
+        let mut graph = gpu.graph("gradient_picture");
+        graph
+            .pass(&self.compose)
+            .uniform("gradient", bytemuck::bytes_of(&self.uniforms(factors)))
+            .read("accumulation", &self.accumulation)
+            .read("poisson_differences", &self.differences)
+            .read("poisson_solution", source)
+            .read("seen_means", &self.seen_means)
+            .read_write("picture", &self.picture)
+            .dispatch(workgroups_of(self.pixel_count()))?;
+        merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
+        Ok(())
+    }
+
+    fn uniforms(&self, [value_factor, edge_factor]: [f32; 2]) -> GradientUniforms {
+        let [width, height] = self.options.size;
+        GradientUniforms { width, height, value_factor, edge_factor }
+    }
+}
+
+impl Technique for GradientTracer {
+    fn step(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        budget: StepBudget,
+    ) -> Result<Step, TechniqueError> {
+        if self.phase == Phase::Trace {
+            if self.batch == 0 {
+                self.batch = self.next_batch(&budget);
+            }
+            if self.batch == 0 {
+                return Ok(Step { is_whole: true, ..Step::default() });
+            }
+            if self.running_features != self.features
+                && let Some(trace) = gpu.kernel_if_ready(KERNELS[0], self.features)
+                && let Some(weigh) = gpu.kernel_if_ready(KERNELS[1], self.features)
+            {
+                (self.trace, self.weigh) = (trace, weigh);
+                self.running_features = self.features;
+            }
+            return self.trace(gpu, scene, lights, view, budget.max_paths);
+        }
+        // A step of the reconstruction traces no path, so it says nothing of the rate of paths.
+        let mut step = Step::default();
+        if self.reconstruct(gpu, view.exposure, &mut step)? {
+            self.samples += self.batch;
+            self.batch = 0;
+            self.batch_pixels = 0;
+            self.phase = Phase::Trace;
+            step.is_whole = true;
+        }
+        Ok(step)
+    }
+
+    fn invalidate(&mut self, change: Change) {
+        match change {
+            // Every estimate belongs to one camera and one set of lights.
+            Change::Camera | Change::Lights => {
+                self.phase = Phase::Trace;
+                self.samples = 0;
+                self.batch = 0;
+                self.batch_pixels = 0;
+            }
+        }
+    }
+
+    fn picture(&self) -> &Buffer {
+        &self.picture
+    }
+
+    fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    fn split(&self) -> Option<(&Buffer, &Buffer)> {
+        None
+    }
+
+    fn features(&self) -> Features {
+        self.features
+    }
+}
