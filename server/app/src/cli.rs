@@ -98,6 +98,9 @@ pub(crate) struct RenderArgs {
     /// Settings of the surfel cache.
     #[arg(long, default_value = "balanced", value_parser = preset_names())]
     pub(crate) preset: String,
+    /// How light is made of what surfels measured; the preset's by default.
+    #[arg(long, value_parser = reconstruction_names())]
+    pub(crate) reconstruction: Option<String>,
     /// Knob of the surfel cache as NAME=VALUE, such as radius=3; may be given several times. `surfelcast knobs` lists them.
     #[arg(long = "surfel", value_name = "NAME=VALUE", value_parser = parse_knob)]
     pub(crate) knobs: Vec<String>,
@@ -132,7 +135,11 @@ pub(crate) struct RenderArgs {
     pub(crate) device: DeviceArgs,
 }
 
-pub(crate) fn technique_ids() -> clap::builder::PossibleValuesParser {
+pub(crate) fn reconstruction_names() -> clap::builder::PossibleValuesParser {
+    surfelcast_techniques::Reconstruction::ALL.map(|(name, _)| name).into()
+}
+
+fn technique_ids() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
 }
 

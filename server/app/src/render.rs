@@ -135,6 +135,9 @@ async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) 
 
 fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure: f32) -> RenderJob {
     let mut surfel = SurfelSettings::by_name(&args.preset).unwrap_or_default();
+    if let Some(name) = &args.reconstruction {
+        surfel.reconstruction = surfelcast_techniques::Reconstruction::by_name(name).unwrap_or_default();
+    }
     for knob in &args.knobs {
         // Checked when the command line was read.
         let _ = surfel.turn(knob);

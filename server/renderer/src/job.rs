@@ -19,7 +19,7 @@ pub struct StopRules {
 }
 
 pub use surfelcast_techniques::registry::DEFAULT_OF_JOBS as DEFAULT_TECHNIQUE;
-pub use surfelcast_techniques::{KNOBS, Knob, MaterialMode, SurfelSettings};
+pub use surfelcast_techniques::{KNOBS, Knob, MaterialMode, Reconstruction, SurfelSettings};
 
 /// Extra output instead of radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

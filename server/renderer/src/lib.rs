@@ -28,7 +28,7 @@ pub use handle::{RendererError, RendererHandle};
 pub use inspection::{Contribution, Inspection};
 pub use job::{
     Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts,
-    RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
+    Reconstruction, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
 };
 pub use lights::SessionLights;
 pub use pace::Pace;

@@ -23,7 +23,7 @@ use crate::render_request::RenderSpec;
 use crate::scene_store::unknown_scene;
 use crate::scenes::draining;
 use crate::state::ServiceState;
-use crate::surfel_request::{SurfelKnobs, preset_schema};
+use crate::surfel_request::{SurfelKnobs, preset_schema, reconstruction_schema};
 
 /// A render as a resource.
 #[derive(Debug, Serialize, ToSchema)]
@@ -79,6 +79,8 @@ pub(crate) struct RenderBody {
     technique: Option<String>,
     #[schema(schema_with = preset_schema, required = false)]
     preset: Option<String>,
+    #[schema(schema_with = reconstruction_schema, required = false)]
+    reconstruction: Option<String>,
     /// Knobs of the surfel cache, over the preset.
     #[schema(value_type = Option<SurfelKnobs>)]
     surfel: Option<serde_json::Value>,

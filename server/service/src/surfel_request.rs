@@ -1,7 +1,7 @@
 //! Settings of the surfel cache in a render's body: a preset, and single knobs turned from there.
 
 use serde_json::Value;
-use surfelcast_renderer::{KNOBS, Knob, SurfelSettings};
+use surfelcast_renderer::{KNOBS, Knob, Reconstruction, SurfelSettings};
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{AdditionalProperties, Object, ObjectBuilder, Schema, Type};
 use utoipa::{Number, PartialSchema, ToSchema};
@@ -9,13 +9,20 @@ use utoipa::{Number, PartialSchema, ToSchema};
 use crate::problem::ApiError;
 use crate::validate::within;
 
-/// Reads the fields `preset` and `surfel`. 400 for what is not well formed, 422 for values that cannot be.
-pub(crate) fn surfel_settings(preset: Option<&str>, knobs: Option<&Value>) -> Result<SurfelSettings, ApiError> {
+/// Reads the fields `preset`, `reconstruction` and `surfel`. 400 for what is not well formed, 422 for values that cannot be.
+pub(crate) fn surfel_settings(
+    preset: Option<&str>,
+    reconstruction: Option<&str>,
+    knobs: Option<&Value>,
+) -> Result<SurfelSettings, ApiError> {
     let mut settings = match preset {
         None => SurfelSettings::default(),
         Some(name) => SurfelSettings::by_name(name)
             .ok_or_else(|| ApiError::unprocessable(format!("preset: must be one of {}", preset_names().join(", "))))?,
     };
+    if let Some(name) = reconstruction {
+        settings.turn(&format!("reconstruction={name}")).map_err(ApiError::unprocessable)?;
+    }
     let knobs = match knobs {
         None => return Ok(settings),
         Some(Value::Object(knobs)) => knobs,
@@ -52,6 +59,16 @@ pub(crate) fn preset_schema() -> Object {
         .enum_values(Some(preset_names()))
         .default(default.map(|(name, _)| (*name).into()))
         .description(Some("Settings of the surfel cache to start from; other techniques have none."))
+        .build()
+}
+
+/// Describes `reconstruction`.
+pub(crate) fn reconstruction_schema() -> Object {
+    ObjectBuilder::new()
+        .schema_type(Type::String)
+        .enum_values(Some(Reconstruction::ALL.map(|(name, _)| name)))
+        .default(Some(SurfelSettings::default().reconstruction.name().into()))
+        .description(Some("How light is made of what surfels measured; other techniques have none."))
         .build()
 }
 
@@ -97,8 +114,8 @@ mod tests {
 
     #[test]
     fn knobs_turn_from_the_preset() {
-        let settings = |preset, knobs: Value| surfel_settings(preset, Some(&knobs)).expect("valid");
-        assert_eq!(surfel_settings(None, None).expect("valid"), SurfelSettings::BALANCED);
+        let settings = |preset, knobs: Value| surfel_settings(preset, None, Some(&knobs)).expect("valid");
+        assert_eq!(surfel_settings(None, None, None).expect("valid"), SurfelSettings::BALANCED);
         for (name, preset) in SurfelSettings::PRESETS {
             assert_eq!(settings(Some(name), json!({})), preset);
             let turned = settings(Some(name), json!({"radius": 4, "rays": 1, "coverage": null}));
@@ -113,12 +130,12 @@ mod tests {
             for value in [least, most] {
                 let mut knobs = serde_json::Map::new();
                 knobs.insert(knob.name.into(), json!(value));
-                let settings = surfel_settings(None, Some(&Value::Object(knobs))).expect(knob.name);
+                let settings = surfel_settings(None, None, Some(&Value::Object(knobs))).expect(knob.name);
                 assert_eq!(settings.value_of(knob), value as f32, "{}", knob.name);
             }
             for value in [json!(least - 0.25), json!(most * 1.25), json!(-1e300), json!(1e300)] {
                 let knobs = json!({ knob.name: value });
-                let error = surfel_settings(None, Some(&knobs)).expect_err(knob.name);
+                let error = surfel_settings(None, None, Some(&knobs)).expect_err(knob.name);
                 assert_eq!(error.status().as_u16(), 422);
                 let start = format!("surfel.{}: must be within", knob.name);
                 assert!(error.detail().starts_with(&start) && error.detail().contains(&most.to_string()), "{error:?}");

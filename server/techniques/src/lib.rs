@@ -18,7 +18,9 @@ pub use passes::frame::FrameView;
 pub use passes::lights::{LightBuffers, LightState};
 pub use passes::upload::SceneBuffers;
 pub use session::SessionState;
-pub use surfel::{ExportedSurfel, KNOBS, Knob, SnapshotIdentity, SurfelCache, SurfelOutput, SurfelSettings};
+pub use surfel::{
+    ExportedSurfel, KNOBS, Knob, Reconstruction, SnapshotIdentity, SurfelCache, SurfelOutput, SurfelSettings,
+};
 pub use surfelcast_shaders::constants::SURFEL_FULL_TRUST as FULL_TRUST;
 pub use surfelcast_shaders::records::SurfelContribution;
 pub use technique::{

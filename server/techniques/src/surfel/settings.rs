@@ -198,17 +198,6 @@ pub const KNOBS: &[Knob] = &[
         set: |settings, value| settings.respects_depth = value >= 0.5,
     },
     Knob {
-        name: "reconstruction",
-        range: [0.0, 2.0],
-        help: "0 none, 1 regression, 2 poisson: how light is made of what surfels measured. Less noise for a solve over the surfels and, with 2, a shadow ray for some of theirs",
-        get: |settings| settings.reconstruction as u8 as f32,
-        set: |settings, value| {
-            let index = value.round() as usize;
-            settings.reconstruction =
-                Reconstruction::ALL.get(index).map_or(Reconstruction::Poisson, |(_, known)| *known);
-        },
-    },
-    Knob {
         name: "sharing",
         range: [0.0, 1.0],
         help: "1: without reconstruction, young surfels borrow from neighbours. Less noise in the first frames, for a pass over the surfels",
@@ -268,8 +257,14 @@ pub const KNOBS: &[Knob] = &[
 ];
 
 impl SurfelSettings {
-    /// Turns one knob, given as `name=value`. The answer to what is wrong names the knob and its range.
+    /// Turns one knob, given as `name=value`, or chooses the reconstruction, as `reconstruction=name`. The answer to what is wrong names the knob and its range.
     pub fn turn(&mut self, assignment: &str) -> Result<(), String> {
+        if let Some(name) = assignment.strip_prefix("reconstruction=") {
+            let known = || Reconstruction::ALL.map(|(name, _)| name).join(", ");
+            self.reconstruction = Reconstruction::by_name(name.trim())
+                .ok_or_else(|| format!("reconstruction: must be one of {}", known()))?;
+            return Ok(());
+        }
         let names = || KNOBS.iter().map(|knob| knob.name).collect::<Vec<_>>().join(", ");
         let Some((name, value)) = assignment.split_once('=') else {
             return Err(format!("{assignment}: expected KNOB=VALUE; knobs are {}", names()));

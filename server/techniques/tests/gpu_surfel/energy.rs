@@ -1,7 +1,7 @@
 //! Furnaces, guiding, rare light: no setting may add or remove energy.
 
 use surfelcast_techniques::SurfelSettings;
-use surfelcast_techniques::surfel::Estimator;
+use surfelcast_techniques::surfel::{Estimator, Reconstruction};
 
 use crate::rig::{Rig, blocks, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, inside_of_tetrahedron, scene};
@@ -55,7 +55,10 @@ fn furnaces_are_white_at_every_albedo_and_share_of_guiding() {
 #[test]
 fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
     let faces = inside_of_box([-1.0; 3], [1.0; 3], furnace(0.8));
-    check("no sharing", &faces, SurfelSettings { shares: false, ..settings() });
+    let plain = SurfelSettings { reconstruction: Reconstruction::None, ..settings() };
+    check("no reconstruction, sharing", &faces, plain);
+    check("no reconstruction, no sharing", &faces, SurfelSettings { shares: false, ..plain });
+    check("regression", &faces, SurfelSettings { reconstruction: Reconstruction::Regression, ..settings() });
     check("no feedback", &faces, SurfelSettings { feeds_back: false, ..settings() });
     check("no depth", &faces, SurfelSettings { respects_depth: false, ..settings() });
     // The multiscale estimator never averages longer than its window, so its blocks stay noisy; its mean has to hold.
@@ -73,7 +76,8 @@ fn furnaces_are_white_with_few_lights_and_with_many() {
     }
 }
 
-/// Under an even sky guiding cannot help, and must not change the mean.
+/// Under an even sky guiding cannot help, and must not change the mean of what surfels measure. (Reconstruction weighs values
+/// by variances and has a bound of its own.)
 #[test]
 fn guided_rays_see_an_even_sky_as_it_is() {
     let gpu = gpu();
@@ -82,7 +86,12 @@ fn guided_rays_see_an_even_sky_as_it_is() {
     let scene = scene(&[floor, wall], 1.0);
     let view = camera([0.0, 2.0, 3.0], [0.0, 0.0, 0.0]);
     let means = [0.0, 0.5, 0.9].map(|guided_share| {
-        let rig = Rig::new(&gpu, &scene, SurfelSettings { guided_share, ..settings() }, SIZE);
+        let rig = Rig::new(
+            &gpu,
+            &scene,
+            SurfelSettings { guided_share, reconstruction: Reconstruction::None, ..settings() },
+            SIZE,
+        );
         let mut picture = rig.picture();
         rig.frames(picture.as_mut(), view, 96);
         mean(&rig.values(picture.as_ref()))
