@@ -30,7 +30,6 @@ const FIELDS: [&str; 17] = [
     "height",
     "technique",
     "preset",
-    "reconstruction",
     "surfel",
     "reconstruction",
     "samples_per_pixel",
@@ -43,7 +42,8 @@ const FIELDS: [&str; 17] = [
     "aov",
 ];
 const CAMERA_FIELDS: [&str; 4] = ["position", "target", "up", "vfov_deg"];
-const RECONSTRUCTIONS: [&str; 4] = ["none", "regression", "poisson", "image"];
+/// The technique whose light is reconstructed from surfels.
+const RECONSTRUCTING: &str = "surfel";
 
 /// A body that is well formed and within the bounds, before the scene is known.
 #[derive(Clone, Debug)]
@@ -159,15 +159,9 @@ impl RenderSpec {
         if !ids.contains(&technique) {
             return Err(ApiError::unprocessable(format!("technique: must be one of {}", ids.join(", "))));
         }
-        if let Some(reconstruction) = self.reconstruction.as_deref() {
-            if !RECONSTRUCTIONS.contains(&reconstruction) {
-                let detail = format!("reconstruction: must be one of {}", RECONSTRUCTIONS.join(", "));
-                return Err(ApiError::unprocessable(detail));
-            }
-            if reconstruction != "none" {
-                let detail = format!("reconstruction: technique {technique} has none; leave the field out");
-                return Err(ApiError::unprocessable(detail));
-            }
+        if self.reconstruction.as_deref().is_some_and(|name| name != "none") && technique != RECONSTRUCTING {
+            let detail = format!("reconstruction: technique {technique} has none; leave the field out");
+            return Err(ApiError::unprocessable(detail));
         }
         let exposure = self.exposure.unwrap_or_else(|| named.map_or(1.0, |named| scene.exposure_for(&named.name)));
         let job = RenderJob {

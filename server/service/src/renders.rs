@@ -84,8 +84,6 @@ pub(crate) struct RenderBody {
     /// Knobs of the surfel cache, over the preset.
     #[schema(value_type = Option<SurfelKnobs>)]
     surfel: Option<serde_json::Value>,
-    /// Reconstruction of techniques that have one.
-    reconstruction: Option<String>,
     /// Stop at so many samples a pixel.
     samples_per_pixel: Option<u32>,
     /// Stop after so many frames.
