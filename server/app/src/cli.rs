@@ -135,11 +135,11 @@ pub(crate) struct RenderArgs {
     pub(crate) device: DeviceArgs,
 }
 
-pub(crate) fn reconstruction_names() -> clap::builder::PossibleValuesParser {
+fn reconstruction_names() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::Reconstruction::ALL.map(|(name, _)| name).into()
 }
 
-fn technique_ids() -> clap::builder::PossibleValuesParser {
+pub(crate) fn technique_ids() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
 }
 
