@@ -16,7 +16,7 @@ use crate::surfel::update::Work;
 use crate::technique::TechniqueError;
 
 /// Slots of edges for each surfel.
-const EDGE_SLOTS: u64 = 8;
+pub(crate) const EDGE_SLOTS: u64 = 8;
 /// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
 const NEAR_RINGS: u32 = 2;
 const WIDE_RINGS: u32 = 10;

@@ -27,7 +27,7 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
 pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
-pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
+pub use snapshot::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
 use crate::passes::frame::FrameView;

@@ -10,6 +10,7 @@ mod initial;
 mod leaks;
 mod persistence;
 mod pin;
+mod reconstruction;
 mod repeat;
 mod rig;
 mod scenes;

@@ -1,0 +1,106 @@
+//! What the solve over the surfels promises.
+
+use surfelcast_techniques::SurfelSettings;
+use surfelcast_techniques::surfel::Reconstruction;
+
+use crate::rig::{Rig, camera, gpu, mean};
+use crate::scenes::{Face, Paint, inside_of_box, scene};
+
+const SIZE: [u32; 2] = [64, 48];
+
+fn luminance(c: [f32; 3]) -> f64 {
+    f64::from(c[0]) * 0.2126 + f64::from(c[1]) * 0.7152 + f64::from(c[2]) * 0.0722
+}
+
+/// A room with a lamp under the ceiling and a board that stands in the way.
+fn room() -> Vec<Face> {
+    let mut faces = inside_of_box([-1.0; 3], [1.0; 3], Paint::matte(0.6));
+    let lamp = vec![[-0.3, 0.95, -0.3], [0.3, 0.95, -0.3], [0.3, 0.95, 0.3], [-0.3, 0.95, 0.3]];
+    let board = vec![[-0.6, -1.0, -0.2], [0.2, -1.0, -0.2], [0.2, 0.1, -0.2], [-0.6, 0.1, -0.2]];
+    faces.push((lamp, Paint::lamp(8.0)));
+    faces.push((board, Paint::matte(0.6)));
+    faces
+}
+
+fn settings(reconstruction: Reconstruction) -> SurfelSettings {
+    SurfelSettings { reconstruction, shares: false, rays_per_pixel: 2.0, target_error: 0.0, ..SurfelSettings::BALANCED }
+}
+
+fn pictures(reconstruction: Reconstruction, frames: u32) -> Vec<f32> {
+    let gpu = gpu();
+    let scene = scene(&room(), 0.0);
+    let rig = Rig::new(&gpu, &scene, settings(reconstruction), SIZE);
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), frames);
+    let (_, irradiance) = picture.split().unwrap();
+    rig.read(irradiance).iter().map(|pixel| pixel[0]).collect()
+}
+
+fn rmse(values: &[f32], truth: &[f32]) -> f64 {
+    let tone = |x: f32| f64::from(x) / (1.0 + f64::from(x));
+    let squares = values.iter().zip(truth).map(|(&a, &b)| (tone(a) - tone(b)).powi(2)).sum::<f64>();
+    (squares / values.len() as f64).sqrt()
+}
+
+/// Reconnected rays measure what converged values differ by, across corners, contacts and shadow edges alike.
+#[test]
+fn reconnected_rays_measure_the_differences_of_converged_values() {
+    let gpu = gpu();
+    let scene = scene(&room(), 0.0);
+    let rig = Rig::new(&gpu, &scene, settings(Reconstruction::Poisson), SIZE);
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), 192);
+    let cache = picture.surfel_cache().unwrap();
+    let cache = cache.lock();
+    let surfels = cache.export(&gpu).unwrap();
+    let value = |end: u32| {
+        let light = surfels[end as usize].light;
+        (luminance(light.direct) + luminance(light.indirect), f64::from(light.variance / light.ray_count.max(1.0)))
+    };
+    let mut scores = Vec::new();
+    let mut sizes = Vec::new();
+    for edge in cache.measured_differences(&gpu).unwrap() {
+        let enough = edge.counts.iter().all(|&count| count >= 64.0);
+        let young = edge.ends.iter().any(|&end| surfels[end as usize].light.ray_count < 1000.0);
+        if !enough || young {
+            continue;
+        }
+        let [(a, va), (b, vb)] = edge.ends.map(value);
+        let error = luminance(edge.difference) - (b - a);
+        scores.push(error / (f64::from(edge.variance) + va + vb).sqrt().max(1e-9));
+        sizes.push((b - a).abs());
+    }
+    let rms = (scores.iter().map(|z| z * z).sum::<f64>() / scores.len() as f64).sqrt();
+    let average = scores.iter().sum::<f64>() / scores.len() as f64;
+    let far = scores.iter().filter(|z| z.abs() > 3.0).count() as f64 / scores.len() as f64;
+    let typical = sizes.iter().sum::<f64>() / sizes.len() as f64;
+    println!(
+        "{} edges: z {average:.3}, rms {rms:.3}, beyond three {:.2} %, mean difference {typical:.4}",
+        scores.len(),
+        100.0 * far
+    );
+    assert!(scores.len() > 500, "{}", scores.len());
+    assert!(average.abs() < 0.1 && rms < 1.2 && far < 0.01, "{average} {rms} {far}");
+}
+
+/// The solve lowers the error of the first frames by much, and still lowers it when values are good by themselves.
+#[test]
+fn reconstruction_lowers_the_error_early_and_never_raises_it() {
+    let truth = pictures(Reconstruction::None, 768);
+    for (frames, most) in [(2, 0.7), (8, 0.8), (64, 1.02)] {
+        let [none, regression, poisson] = [Reconstruction::None, Reconstruction::Regression, Reconstruction::Poisson]
+            .map(|reconstruction| rmse(&pictures(reconstruction, frames), &truth));
+        println!("{frames} frames: none {none:.5}, regression {regression:.5}, poisson {poisson:.5}");
+        assert!(poisson <= most * none, "{frames} frames: {poisson} {none}");
+        assert!(regression <= 1.02 * none, "{frames} frames: {regression} {none}");
+    }
+}
+
+/// Values and differences weigh against each other without gaining or losing light.
+#[test]
+fn reconstruction_keeps_the_energy() {
+    let truth = mean(&pictures(Reconstruction::None, 256));
+    let solved = mean(&pictures(Reconstruction::Poisson, 16));
+    println!("energy {:.4}", solved / truth);
+    assert!((solved / truth - 1.0).abs() < 0.02, "{solved} {truth}");
+}
