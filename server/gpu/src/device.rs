@@ -28,6 +28,9 @@ const UPLOAD_CHUNK_BYTES: usize = 16 << 20;
 const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
 /// A submission that takes longer is taken for a hanging driver, when nothing else is said.
 const DEFAULT_SUBMISSION_LIMIT: Duration = Duration::from_secs(30);
+/// The same for CPU devices. They compile at the first dispatch and share the cores with whatever else runs: one on a crowded
+/// machine was taken for hanging by the limit for cards.
+const CPU_SUBMISSION_LIMIT: Duration = Duration::from_secs(300);
 
 /// How passes are timed, and with that how they are submitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +52,7 @@ pub struct GpuOptions {
     pub memory_budget_bytes: Option<u64>,
     /// Wall clock on CPU devices, whose timestamps mean nothing, and timestamps on others otherwise.
     pub pass_timing: Option<PassTiming>,
-    /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise.
+    /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise, 300 on CPU devices.
     pub submission_limit: Option<Duration>,
     /// Lets [`Gpu::force_loss`] work. For tests.
     pub allow_forced_loss: bool,
@@ -157,7 +160,9 @@ impl Gpu {
             has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             checks_passes: cfg!(debug_assertions)
                 || std::env::var_os("SURFELCAST_GPU_CHECKS").is_some_and(|v| v == "1"),
-            submission_limit: options.submission_limit.unwrap_or(DEFAULT_SUBMISSION_LIMIT),
+            submission_limit: options
+                .submission_limit
+                .unwrap_or(if is_cpu { CPU_SUBMISSION_LIMIT } else { DEFAULT_SUBMISSION_LIMIT }),
             ledger: Arc::new(MemoryLedger::new(budget)),
             kernels: KernelStore::default(),
             staging: StagingRing::default(),
