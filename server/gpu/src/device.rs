@@ -160,9 +160,11 @@ impl Gpu {
             has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
             checks_passes: cfg!(debug_assertions)
                 || std::env::var_os("SURFELCAST_GPU_CHECKS").is_some_and(|v| v == "1"),
-            submission_limit: options
-                .submission_limit
-                .unwrap_or(if is_cpu { CPU_SUBMISSION_LIMIT } else { DEFAULT_SUBMISSION_LIMIT }),
+            submission_limit: options.submission_limit.unwrap_or(if is_cpu {
+                CPU_SUBMISSION_LIMIT
+            } else {
+                DEFAULT_SUBMISSION_LIMIT
+            }),
             ledger: Arc::new(MemoryLedger::new(budget)),
             kernels: KernelStore::default(),
             staging: StagingRing::default(),

@@ -47,9 +47,10 @@ fn rmse(values: &[f32], truth: &[f32]) -> f64 {
 fn reconnected_rays_measure_the_differences_of_converged_values() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
-    let rig = Rig::new(&gpu, &scene, settings(Reconstruction::Poisson), SIZE);
+    let many = SurfelSettings { rays_per_pixel: 8.0, ..settings(Reconstruction::Poisson) };
+    let rig = Rig::new(&gpu, &scene, many, SIZE);
     let mut picture = rig.picture();
-    rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), 192);
+    rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), 128);
     let cache = picture.surfel_cache().unwrap();
     let cache = cache.lock();
     let surfels = cache.export(&gpu).unwrap();
@@ -60,8 +61,8 @@ fn reconnected_rays_measure_the_differences_of_converged_values() {
     let mut scores = Vec::new();
     let mut sizes = Vec::new();
     for edge in cache.measured_differences(&gpu).unwrap() {
-        let enough = edge.counts.iter().all(|&count| count >= 64.0);
-        let young = edge.ends.iter().any(|&end| surfels[end as usize].light.ray_count < 1000.0);
+        let enough = edge.counts.iter().all(|&count| count >= 32.0);
+        let young = edge.ends.iter().any(|&end| surfels[end as usize].light.ray_count < 800.0);
         if !enough || young {
             continue;
         }
