@@ -8,25 +8,27 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
+mod fill;
 mod graph;
 mod grid;
 mod kernels;
 mod look;
 mod settings;
 mod snapshot;
+mod splat;
 mod update;
 
 use std::sync::Arc;
 
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
+use surfelcast_shaders::{Feature, Features};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
+pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -38,6 +40,7 @@ use crate::path::general_features;
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
 use crate::surfel::kernels::KernelSet;
+use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, add_passes, count_rays};
 use crate::technique::{
     Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
@@ -135,6 +138,8 @@ struct SurfelPicture {
     points: Buffer,
     accumulation: Buffer,
     direct: Buffer,
+    /// Where surfels are drawn instead of gathered.
+    splat: Option<Splat>,
     /// B and reflections, where asked for.
     split: Option<(Buffer, Buffer)>,
     counters: Buffer,
@@ -148,8 +153,10 @@ impl SurfelPicture {
         session: &SessionState,
         options: TechniqueOptions,
     ) -> Result<Self, GpuError> {
-        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
-        let general = general_features(options.materials, options.is_split);
+        let splat = Splat::new(gpu, options.surfel.apply, options.size)?;
+        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split)
+            .set(Feature::Splat, splat.is_some());
+        let general = general_features(options.materials, options.is_split).set(Feature::Splat, splat.is_some());
         let kernels = KernelSet::new(gpu, KERNELS, features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
@@ -168,6 +175,7 @@ impl SurfelPicture {
             points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
+            splat,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
             } else {
@@ -250,6 +258,9 @@ impl SurfelPicture {
         (frame.first_pixel, frame.pixel_count) = (first, range);
         let uniforms = cache.uniforms(0);
         let mut graph = work.gpu.graph("surfel_shade");
+        if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
+            splat.record(&mut graph, cache, bytemuck::bytes_of(&frame), &self.points)?;
+        }
         graph.clear(&self.counters)?;
         let mut pass = cache
             .bind(work.lights.bind(work.scene.bind(graph.pass(self.kernels.get("surfel_shade")?))))
@@ -259,6 +270,9 @@ impl SurfelPicture {
             .read_write("accumulation", &self.accumulation)
             .read_write("direct_mean", &self.direct)
             .read_write("counters", &self.counters);
+        if let Some(splat) = &self.splat {
+            pass = splat.bind(pass);
+        }
         if let Some((irradiance, reflection)) = &self.split {
             pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);
         }

@@ -14,3 +14,4 @@ mod reconstruction;
 mod repeat;
 mod rig;
 mod scenes;
+mod splat;
