@@ -111,6 +111,8 @@ pub struct SurfelSettings {
     pub pins: bool,
     /// How pixels get light from surfels.
     pub apply: Apply,
+    /// A moving picture takes direct light over from the frame before.
+    pub reuses_direct: bool,
 }
 
 impl SurfelSettings {
@@ -132,6 +134,7 @@ impl SurfelSettings {
         initial: Initial::Gaps,
         pins: false,
         apply: Apply::Gather,
+        reuses_direct: true,
     };
     /// The default.
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
@@ -282,6 +285,13 @@ pub const KNOBS: &[Knob] = &[
             };
         },
     },
+    Knob {
+        name: "reuse",
+        range: [0.0, 1.0],
+        help: "1: while the camera moves, direct light of the frame before is used again. Less noise, shadows a little softer until it rests; 48 bytes a pixel more",
+        get: |settings| f32::from(settings.reuses_direct),
+        set: |settings, value| settings.reuses_direct = value >= 0.5,
+    },
 ];
 
 impl SurfelSettings {
@@ -312,9 +322,9 @@ impl SurfelSettings {
         Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..self.of_cache() }
     }
 
-    /// Settings without the wishes of a single picture.
+    /// Settings without the wishes of a single picture: pictures that differ in those share a cache.
     pub(crate) fn of_cache(&self) -> Self {
-        Self { pins: false, apply: Apply::Gather, ..*self }
+        Self { pins: false, apply: Apply::Gather, reuses_direct: true, ..*self }
     }
 
     /// Value of a knob.

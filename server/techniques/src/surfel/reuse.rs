@@ -1,0 +1,117 @@
+//! Direct light of the frame before, for pictures whose camera moves (`surfel_reuse.wesl`).
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::constants::{HAS_EARLIER_FRAME, KEEPS_DIFFUSE_LIGHT, REUSE_TURN_MASK, REUSED_FRAMES};
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::{DirectHistory, FrameUniforms};
+
+use crate::passes::lights::LightBuffers;
+use crate::passes::workgroups_of;
+
+/// Point lights up to this number are all asked in every frame, which leaves no noise to reuse anything against.
+const EXACT_LIGHTS: u32 = 4;
+
+/// What a picture keeps to reuse its direct light.
+#[derive(Debug)]
+pub(crate) struct Reuse {
+    kernel: Kernel,
+    /// `DirectHistory` by pixel, of this frame and of the one before in turn.
+    history: [Buffer; 2],
+    /// Which of them holds the last frame, and the frame; none since the light changed.
+    last: Option<(usize, FrameUniforms)>,
+    /// Mean B and reflectance by pixel, written by shading.
+    diffuse: Buffer,
+    /// The picture with what is reused.
+    shown: Buffer,
+    /// Whether that differs from the picture itself.
+    is_shown: bool,
+}
+
+impl Reuse {
+    pub(crate) fn new(gpu: &Gpu, pixel_count: u32) -> Result<Self, GpuError> {
+        let pixels = u64::from(pixel_count);
+        let buffer = |label, bytes: usize| gpu.buffer(label, MemoryKind::View, pixels * bytes as u64);
+        let history = || buffer("direct_history", size_of::<DirectHistory>());
+        let reuse = Self {
+            kernel: gpu.kernel("surfel_reuse", Features::NONE)?,
+            history: [history()?, history()?],
+            last: None,
+            diffuse: buffer("diffuse_direct", 16)?,
+            shown: buffer("shown", 16)?,
+            is_shown: false,
+        };
+        let mut graph = gpu.graph("direct_history");
+        for buffer in &reuse.history {
+            graph.clear(buffer)?;
+        }
+        graph.submit()?.wait()?;
+        Ok(reuse)
+    }
+
+    /// Whether direct light has noise that reusing it takes away.
+    pub(crate) const fn helps(lights: &LightBuffers) -> bool {
+        lights.triangle_count + lights.environment_count > 0 || lights.punctual_count > EXACT_LIGHTS
+    }
+
+    /// What shading writes its diffuse light to.
+    pub(crate) const fn diffuse(&self) -> &Buffer {
+        &self.diffuse
+    }
+
+    /// Whether a sample of so many before it is kept for later frames. After that nothing is to be done.
+    const fn keeps(samples: u32) -> bool {
+        samples < REUSED_FRAMES
+    }
+
+    /// Selector of the shading pass: `turn` counts the camera's moves since the light changed.
+    pub(crate) const fn selector(samples: u32, turn: u32) -> u32 {
+        turn & REUSE_TURN_MASK | if Self::keeps(samples) { KEEPS_DIFFUSE_LIGHT } else { 0 }
+    }
+
+    /// The light changed: nothing of the past may show.
+    pub(crate) fn forget(&mut self) {
+        self.last = None;
+        self.is_shown = false;
+    }
+
+    /// The picture with what is reused, while there is any.
+    pub(crate) fn picture(&self) -> Option<&Buffer> {
+        self.is_shown.then_some(&self.shown)
+    }
+
+    /// Records what follows the shading of a whole sample.
+    pub(crate) fn record(
+        &mut self,
+        graph: &mut Graph,
+        frame: &FrameUniforms,
+        points: &Buffer,
+        accumulation: &Buffer,
+    ) -> Result<(), GpuError> {
+        if !Self::keeps(frame.first_sample) {
+            self.is_shown = false;
+            return Ok(());
+        }
+        let is_first = frame.first_sample == 0;
+        let (place, earlier) = self.last.map_or((0, *frame), |(place, earlier)| (place, earlier));
+        let current = if is_first { 1 - place } else { place };
+        let mut frame = *frame;
+        frame.selector = if is_first && self.last.is_some() { HAS_EARLIER_FRAME } else { 0 };
+        graph
+            .pass(&self.kernel)
+            .uniform("frame", bytemuck::bytes_of(&frame))
+            .uniform("earlier", bytemuck::bytes_of(&earlier))
+            .read("visible_points", points)
+            .read("accumulation", accumulation)
+            .read("diffuse_light", &self.diffuse)
+            .read("earlier_history", &self.history[1 - current])
+            .read_write("history", &self.history[current])
+            .read_write("shown", &self.shown)
+            .dispatch(workgroups_of(frame.width * frame.height))?;
+        if is_first {
+            self.is_shown = self.last.is_some();
+            self.last = Some((current, frame));
+        }
+        Ok(())
+    }
+}
