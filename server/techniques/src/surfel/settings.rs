@@ -288,7 +288,7 @@ pub const KNOBS: &[Knob] = &[
     Knob {
         name: "reuse",
         range: [0.0, 1.0],
-        help: "1: while the camera moves, direct light of the frame before is used again. Less noise, shadows a little softer until it rests; 48 bytes a pixel more",
+        help: "1: while the camera moves, direct light of the frame before is used again. Less noise, shadows a little softer until it rests; 96 bytes a pixel more",
         get: |settings| f32::from(settings.reuses_direct),
         set: |settings, value| settings.reuses_direct = value >= 0.5,
     },

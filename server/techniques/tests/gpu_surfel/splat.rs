@@ -52,7 +52,8 @@ fn compare(gathered: &[[f32; 4]], other: &[[f32; 4]]) -> [f64; 3] {
 fn check(rig: &Rig<'_>, picture: &dyn Technique, camera: Camera, name: &str, boxes: [f64; 2]) {
     let gathered = applied(rig, picture, camera, Apply::Gather);
     // Quads miss what lies off their plane, at the borders of grazing surfaces.
-    let [off_by_boxes, by_boxes] = boxes;
+    // Sums in 16-bit floats are off by that much.
+    let [off_by_boxes, by_boxes] = if rig.gpu.draws_full_floats() { boxes } else { [0.1, 6e-3] };
     for (apply, [least_found, most_off, most_difference]) in
         [(Apply::Boxes, [0.999, off_by_boxes, by_boxes]), (Apply::Quads, [0.98, 0.1, 1e-2])]
     {
@@ -117,7 +118,8 @@ fn pictures_by_boxes_share_the_cache_match_and_repeat() {
     let difference: Vec<f32> = red(&gathered).iter().zip(red(&drawn)).map(|(a, b)| (a - b).abs()).collect();
     let [share, mean_value] = [mean(&difference), mean(&red(&gathered))];
     println!("mean difference {share:.2e} of {mean_value:.3}");
-    assert!(share < 1e-5 * mean_value);
+    let most = if gpu.draws_full_floats() { 1e-5 } else { 1e-3 };
+    assert!(share < most * mean_value);
     assert!(gathered != run(Apply::Quads, u64::MAX), "nothing was drawn");
     assert!(drawn == run(Apply::Boxes, 1000), "pieces show in the picture");
 }
