@@ -18,8 +18,8 @@ use surfelcast_shaders::layout::bytemuck::Zeroable;
 use surfelcast_shaders::records::{SurfelLight, SurfelRecord};
 use surfelcast_techniques::passes::features::features_for;
 use surfelcast_techniques::{
-    Apply, ExportedSurfel, FULL_TRUST, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SurfelCache,
-    SurfelSettings, TechniqueError,
+    Apply, ExportedSurfel, FULL_TRUST, FrameView, LightBuffers, LightState, MaterialMode, Reconstruction, SceneBuffers,
+    SurfelCache, SurfelSettings, TechniqueError,
 };
 use surfelcast_tests::accuracy::replace_between_markers;
 
@@ -109,7 +109,11 @@ impl Setup<'_> {
     }
 
     fn measure_in(&self, count: u32, parts: u32) -> std::result::Result<(usize, [f64; 3]), TechniqueError> {
-        let settings = SurfelSettings { radius_pixels: self.radius_pixels(count), ..SurfelSettings::BALANCED };
+        let settings = SurfelSettings {
+            radius_pixels: self.radius_pixels(count),
+            reconstruction: Reconstruction::None,
+            ..SurfelSettings::BALANCED
+        };
         let view = FrameView { camera: self.scene.cameras[0].camera, size: SIZE, exposure: 1.0 };
         let (mut all_placed, mut sums) = (0, [0.0; 3]);
         for part in 0..parts {

@@ -29,6 +29,7 @@ use surfelcast_shaders::{Feature, Features};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
+pub use reuse::EarlierFrame;
 pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity};
 
@@ -146,6 +147,8 @@ struct SurfelPicture {
     has_moved: bool,
     /// Moves of the camera since the light changed.
     turn: u32,
+    /// Of the picture before this one, until the first frame.
+    taken: Option<EarlierFrame>,
     /// Stands in for what shading keeps while nothing is reused.
     unkept: Buffer,
     /// Where surfels are drawn instead of gathered.
@@ -186,7 +189,9 @@ impl SurfelPicture {
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
             reuse: None,
-            has_moved: false,
+            // Smaller than it will be shown: a gesture is on.
+            has_moved: options.size != options.full_size,
+            taken: None,
             turn: 0,
             unkept: gpu.buffer("diffuse_direct", MemoryKind::View, 16)?,
             splat,
@@ -204,11 +209,14 @@ impl SurfelPicture {
     fn prepare_reuse(&mut self, gpu: &Gpu, lights: &LightBuffers) {
         let is_wanted = self.options.surfel.reuses_direct && !self.options.is_split && Reuse::helps(lights);
         if !is_wanted {
-            self.reuse = None;
+            (self.reuse, self.taken) = (None, None);
         } else if self.has_moved && self.reuse.is_none() {
             // A picture with more noise is better than none.
             let made = Reuse::new(gpu, self.pixel_count());
             self.reuse = made.inspect_err(|reason| tracing::warn!(%reason, "direct light is not reused")).ok();
+        }
+        if let (Some(reuse), Some(taken)) = (&mut self.reuse, self.taken.take()) {
+            reuse.take(taken);
         }
     }
 
@@ -389,6 +397,7 @@ impl Technique for SurfelPicture {
             // The cache belongs to the session, which tells it of new lights once.
             Change::Lights => {
                 self.turn = 0;
+                self.taken = None;
                 if let Some(reuse) = &mut self.reuse {
                     reuse.forget();
                 }
@@ -396,6 +405,16 @@ impl Technique for SurfelPicture {
         }
         self.samples = 0;
         self.phase = Phase::Start;
+    }
+
+    fn leave_frame(&mut self) -> Option<EarlierFrame> {
+        self.reuse.as_ref().and_then(|reuse| reuse.leave(self.turn))
+    }
+
+    fn take_frame(&mut self, earlier: EarlierFrame) {
+        self.has_moved = true;
+        self.turn = earlier.turn.wrapping_add(1);
+        self.taken = Some(earlier);
     }
 
     fn picture(&self) -> &Buffer {

@@ -12,6 +12,16 @@ use crate::passes::workgroups_of;
 /// Point lights up to this number are all asked in every frame, which leaves no noise to reuse anything against.
 const EXACT_LIGHTS: u32 = 4;
 
+/// The last frame of a picture, as far as the next one can use it. Opaque to whoever hands it on.
+#[derive(Debug)]
+pub struct EarlierFrame {
+    /// `DirectHistory` by pixel.
+    history: Buffer,
+    frame: FrameUniforms,
+    /// The picture's count of camera moves.
+    pub(crate) turn: u32,
+}
+
 /// What a picture keeps to reuse its direct light.
 #[derive(Debug)]
 pub(crate) struct Reuse {
@@ -20,6 +30,8 @@ pub(crate) struct Reuse {
     history: [Buffer; 2],
     /// Which of them holds the last frame, and the frame; none since the light changed.
     last: Option<(usize, FrameUniforms)>,
+    /// The frame before the first, of another picture.
+    taken: Option<EarlierFrame>,
     /// Mean B and reflectance by pixel, written by shading.
     diffuse: Buffer,
     /// The picture with what is reused.
@@ -37,6 +49,7 @@ impl Reuse {
             kernel: gpu.kernel("surfel_reuse", Features::NONE)?,
             history: [history()?, history()?],
             last: None,
+            taken: None,
             diffuse: buffer("diffuse_direct", 16)?,
             shown: buffer("shown", 16)?,
             is_shown: false,
@@ -59,9 +72,10 @@ impl Reuse {
         &self.diffuse
     }
 
-    /// Whether a sample of so many before it is kept for later frames. After that nothing is to be done.
+    /// Whether a sample with so many before it is kept for later frames. After that nothing reused is left in the picture, and
+    /// nothing is to be done.
     const fn keeps(samples: u32) -> bool {
-        samples < REUSED_FRAMES
+        samples < 2 * REUSED_FRAMES
     }
 
     /// Selector of the shading pass: `turn` counts the camera's moves since the light changed.
@@ -72,7 +86,18 @@ impl Reuse {
     /// The light changed: nothing of the past may show.
     pub(crate) fn forget(&mut self) {
         self.last = None;
+        self.taken = None;
         self.is_shown = false;
+    }
+
+    /// Starts from another picture's frame.
+    pub(crate) fn take(&mut self, earlier: EarlierFrame) {
+        self.taken = Some(earlier);
+    }
+
+    /// The last frame, for another picture.
+    pub(crate) fn leave(&self, turn: u32) -> Option<EarlierFrame> {
+        self.last.map(|(place, frame)| EarlierFrame { history: self.history[place].clone(), frame, turn })
     }
 
     /// The picture with what is reused, while there is any.
@@ -93,10 +118,17 @@ impl Reuse {
             return Ok(());
         }
         let is_first = frame.first_sample == 0;
-        let (place, earlier) = self.last.map_or((0, *frame), |(place, earlier)| (place, earlier));
+        let place = self.last.map_or(0, |(place, _)| place);
         let current = if is_first { 1 - place } else { place };
+        let mut earlier = self.last.map(|(place, frame)| (self.history[place].clone(), frame));
+        if let Some(taken) = self.taken.take().filter(|_| is_first && earlier.is_none()) {
+            earlier = Some((taken.history, taken.frame));
+        }
+        let earlier = earlier.filter(|_| is_first);
+        let is_new = earlier.is_none();
+        let (earlier_history, earlier) = earlier.unwrap_or_else(|| (self.history[1 - current].clone(), *frame));
         let mut frame = *frame;
-        frame.selector = if is_first && self.last.is_some() { HAS_EARLIER_FRAME } else { 0 };
+        frame.selector = if is_new { 0 } else { HAS_EARLIER_FRAME };
         graph
             .pass(&self.kernel)
             .uniform("frame", bytemuck::bytes_of(&frame))
@@ -104,12 +136,12 @@ impl Reuse {
             .read("visible_points", points)
             .read("accumulation", accumulation)
             .read("diffuse_light", &self.diffuse)
-            .read("earlier_history", &self.history[1 - current])
+            .read("earlier_history", &earlier_history)
             .read_write("history", &self.history[current])
             .read_write("shown", &self.shown)
             .dispatch(workgroups_of(frame.width * frame.height))?;
         if is_first {
-            self.is_shown = self.last.is_some();
+            self.is_shown = !is_new;
             self.last = Some((current, frame));
         }
         Ok(())
