@@ -90,6 +90,10 @@ bench-scale: build ## Time and memory against triangles and surfels, written int
 bench-poisson: build ## Convergence of Poisson solvers, written into BENCHMARKS.md; plots in target/bench
 	$(SURFELCAST) bench poisson --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
+.PHONY: bench-apply
+bench-apply: deps ## Time of gathering and of drawing surfels for the thesis' surfel counts, written into BENCHMARKS.md
+	$(CARGO) run --release --locked --package surfelcast-tests --example apply_table -- BENCHMARKS.md
+
 .PHONY: film-strips
 film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
 	$(CARGO) run --release --locked --package surfelcast-tests --example film_strip -- docs

@@ -30,7 +30,7 @@ pub struct Module {
 /// One kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KernelInfo {
-    /// File stem, entry point, pass label and timer name in one. Unique.
+    /// File stem, entry point (or its beginning, for raster kernels), pass label and timer name in one. Unique.
     pub name: String,
     /// Path under the shader root.
     pub file: String,
@@ -96,7 +96,10 @@ fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {
 
 /// A file is a kernel when it has an entry point outside comments.
 fn is_kernel(text: &str) -> bool {
-    text.lines().any(|line| line.split("//").next().unwrap_or("").contains("@compute"))
+    text.lines().any(|line| {
+        let code = line.split("//").next().unwrap_or("");
+        code.contains("@compute") || code.contains("@vertex")
+    })
 }
 
 /// All kernels, sorted by name.

@@ -64,6 +64,15 @@ shader_constants! {
     /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths beyond
     /// 2 pi / 0.2 = 31 pixels are left to the values (Kettunen et al. 2015, section 6).
     GRADIENT_SCREEN: f32 = 0.04;
+    /// Frames of direct light that a moving picture takes over from the one before, at most.
+    REUSED_FRAMES: u32 = 16;
+    /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits below `REUSE_TURN_MASK`
+    /// count the camera moves since the light changed.
+    KEEPS_DIFFUSE_LIGHT: u32 = 0x80000000;
+    /// See `KEEPS_DIFFUSE_LIGHT`.
+    REUSE_TURN_MASK: u32 = 0xffff;
+    /// In the selector of a reusing pass: there is a frame before this one.
+    HAS_EARLIER_FRAME: u32 = 1;
 }
 
 #[cfg(test)]

@@ -52,6 +52,8 @@ features! {
     Unlit = "unlit",
     /// Outputs of direct and indirect light apart.
     Split = "split",
+    /// Surfels are drawn onto the picture instead of being gathered by its pixels.
+    Splat = "splat",
 }
 
 /// A set of [`Feature`]s.

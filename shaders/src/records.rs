@@ -425,6 +425,18 @@ crate::gpu_structs! {
         pub padding2: u32,
     }
 
+    /// Direct light of a pixel for the next frame, 32 bytes.
+    pub struct DirectHistory {
+        /// Scene space, of the first sample since the camera moved.
+        pub position: [f32; 3],
+        /// Octahedral normal.
+        pub normal: u32,
+        /// Half floats: B of direct light (rgb), frames behind it.
+        pub light: [u32; 2],
+        /// Half floats: what of it was taken over from the frame before the camera moved (rgb), frames behind that.
+        pub reused: [u32; 2],
+    }
+
     /// One surfel's part in a point's light, 64 bytes.
     pub struct SurfelContribution {
         /// Scene space.

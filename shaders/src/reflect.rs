@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, ArraySize, Module, ShaderStage, StorageAccess, TypeInner};
+use naga::{AddressSpace, ArraySize, EntryPoint, Module, ShaderStage, StorageAccess, TypeInner};
 
 use crate::link::unmangle;
 
@@ -15,9 +15,18 @@ pub enum Access {
     StorageRead,
     /// `var<storage, read_write>`.
     StorageReadWrite,
+    /// `texture_2d<f32>`, read texel by texel: what a raster kernel drew.
+    Texture,
 }
 
-/// One bound buffer.
+impl Access {
+    /// Whether it takes one of the few places for storage buffers.
+    pub const fn is_storage(self) -> bool {
+        matches!(self, Access::StorageRead | Access::StorageReadWrite)
+    }
+}
+
+/// One bound buffer or texture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Bind group.
@@ -61,10 +70,12 @@ pub struct MemberLayout {
 /// What there is to know of a linked kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reflection {
-    /// Name of the entry point, which is the kernel's.
+    /// Name of the kernel: of the entry point of a compute kernel; a raster kernel has two, see [`VERTEX_SUFFIX`].
     pub entry_point: String,
-    /// Invocations of a workgroup in x, y, z.
+    /// Invocations of a workgroup in x, y, z; ones for a raster kernel.
     pub workgroup_size: [u32; 3],
+    /// Targets that a raster kernel draws into; 0 for a compute kernel.
+    pub target_count: u32,
     /// Sorted by group and slot.
     pub bindings: Vec<Binding>,
     /// By name, without the module.
@@ -73,15 +84,7 @@ pub struct Reflection {
 
 /// Reads `module`; the answer to a module that breaks a rule of ours is a sentence.
 pub(crate) fn reflect(module: &Module, kernel: &str) -> Result<Reflection, String> {
-    let [entry] = module.entry_points.as_slice() else {
-        return Err(format!("a kernel has exactly one entry point, this one has {}", module.entry_points.len()));
-    };
-    if entry.stage != ShaderStage::Compute {
-        return Err("the entry point is no compute shader".to_owned());
-    }
-    if entry.name != kernel {
-        return Err(format!("the entry point is called `{}`, the file `{kernel}`: they must agree", entry.name));
-    }
+    let target_count = stages(module, kernel)?;
     let mut layouter = naga::proc::Layouter::default();
     layouter.update(module.to_ctx()).map_err(|error| format!("a type has no layout: {error}"))?;
 
@@ -93,14 +96,22 @@ pub(crate) fn reflect(module: &Module, kernel: &str) -> Result<Reflection, Strin
             AddressSpace::Uniform => Access::Uniform,
             AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Access::StorageReadWrite,
             AddressSpace::Storage { .. } => Access::StorageRead,
-            _ => return Err(format!("binding `{name}` is no buffer; kernels bind uniform and storage buffers only")),
+            AddressSpace::Handle if is_plain_texture(module, variable.ty) => Access::Texture,
+            _ => {
+                return Err(format!(
+                    "binding `{name}` is no buffer; kernels bind uniform and storage buffers and texture_2d<f32> only"
+                ));
+            }
         };
+        if target_count > 0 && access == Access::StorageReadWrite {
+            return Err(format!("a raster kernel writes its targets only, it may not write `{name}`"));
+        }
         bindings.push(Binding {
             group: slot.group,
             binding: slot.binding,
             name,
             access,
-            min_size: layouter[variable.ty].size,
+            min_size: if access == Access::Texture { 0 } else { layouter[variable.ty].size },
             array_stride: array_stride(module, variable.ty),
             type_name: type_name(module, variable.ty),
         });
@@ -137,7 +148,57 @@ pub(crate) fn reflect(module: &Module, kernel: &str) -> Result<Reflection, Strin
             return Err(format!("two structures are called `{}`: layouts are compared by name", unmangle(name)));
         }
     }
-    Ok(Reflection { entry_point: entry.name.clone(), workgroup_size: entry.workgroup_size, bindings, structs })
+    let workgroup_size = match module.entry_points.as_slice() {
+        [entry] => entry.workgroup_size,
+        _ => [1; 3],
+    };
+    Ok(Reflection { entry_point: kernel.to_owned(), workgroup_size, target_count, bindings, structs })
+}
+
+/// What the entry points of a raster kernel are called behind the kernel's name.
+pub const VERTEX_SUFFIX: &str = "_vertex";
+/// See [`VERTEX_SUFFIX`].
+pub const FRAGMENT_SUFFIX: &str = "_fragment";
+
+/// Checks the entry points. Returns the targets of a raster kernel, 0 for a compute kernel.
+fn stages(module: &Module, kernel: &str) -> Result<u32, String> {
+    let named = |entry: &EntryPoint, expected: &str| {
+        if entry.name == expected {
+            return Ok(());
+        }
+        Err(format!("the entry point is called `{}`, where the file `{kernel}` wants `{expected}`", entry.name))
+    };
+    match module.entry_points.as_slice() {
+        [entry] if entry.stage == ShaderStage::Compute => named(entry, kernel).map(|()| 0),
+        [a, b] => {
+            let (vertex, fragment) = if a.stage == ShaderStage::Vertex { (a, b) } else { (b, a) };
+            if vertex.stage != ShaderStage::Vertex || fragment.stage != ShaderStage::Fragment {
+                return Err("two entry points are a vertex and a fragment shader".to_owned());
+            }
+            named(vertex, &format!("{kernel}{VERTEX_SUFFIX}"))?;
+            named(fragment, &format!("{kernel}{FRAGMENT_SUFFIX}"))?;
+            match fragment.function.result.as_ref().map(|result| (&module.types[result.ty].inner, &result.binding)) {
+                Some((TypeInner::Struct { members, .. }, _)) if !members.is_empty() => Ok(members.len() as u32),
+                Some((_, Some(naga::Binding::Location { .. }))) => Ok(1),
+                _ => Err("the fragment shader returns nothing to draw".to_owned()),
+            }
+        }
+        entries => Err(format!(
+            "a kernel has one entry point for compute, or one for vertices and one for fragments; this one has {}",
+            entries.len()
+        )),
+    }
+}
+
+fn is_plain_texture(module: &Module, ty: naga::Handle<naga::Type>) -> bool {
+    matches!(
+        module.types[ty].inner,
+        TypeInner::Image {
+            dim: naga::ImageDimension::D2,
+            arrayed: false,
+            class: naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false },
+        }
+    )
 }
 
 fn array_stride(module: &Module, ty: naga::Handle<naga::Type>) -> Option<u32> {

@@ -92,6 +92,35 @@ fn the_entry_point_is_named_like_the_file() {
     assert!(error.contains("`other`") && error.contains("`probe`"), "{error}");
 }
 
+const RASTER: &str = "
+@group(0) @binding(0) var<storage, read> places: array<vec4f>;
+@group(0) @binding(1) var seen: texture_2d<f32>;
+struct Sums { @location(0) a: vec4f, @location(1) b: vec4f }
+@vertex fn probe_vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f { return places[index]; }
+@fragment fn probe_fragment(@builtin(position) at: vec4f) -> Sums {
+    return Sums(textureLoad(seen, vec2u(at.xy), 0), vec4f(1.0));
+}";
+
+#[test]
+fn a_raster_kernel_has_two_entry_points_targets_and_textures() {
+    let kernel = linked(RASTER, Features::NONE);
+    assert_eq!((kernel.reflection.entry_point.as_str(), kernel.reflection.target_count), ("probe", 2));
+    let access: Vec<Access> = kernel.reflection.bindings.iter().map(|binding| binding.access).collect();
+    assert_eq!(access, [Access::StorageRead, Access::Texture]);
+    assert_eq!(linked(PROBE, Features::NONE).reflection.target_count, 0);
+    for (from, to, named) in [
+        ("probe_vertex", "other_vertex", "other_vertex"),
+        ("probe_fragment", "other_fragment", "other_fragment"),
+        ("<storage, read>", "<storage, read_write>", "places"),
+        ("texture_2d<f32>", "texture_2d_array<f32>", "seen"),
+    ] {
+        let text = RASTER.replace(from, to);
+        let text = if named == "seen" { text.replace("(at.xy), 0)", "(at.xy), 0, 0)") } else { text };
+        let error = link_source("probe", &text, Features::NONE).expect_err("links").to_string();
+        assert!(error.contains(named), "{error}");
+    }
+}
+
 #[test]
 fn an_unknown_kernel_lists_the_known_ones() {
     let error = link("no_such_kernel", Features::NONE).expect_err("links").to_string();

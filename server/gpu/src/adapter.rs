@@ -312,7 +312,7 @@ mod tests {
         for kernel in surfelcast_shaders::kernels() {
             let linked = surfelcast_shaders::link(&kernel.name, surfelcast_shaders::Features::ALL).expect("links");
             let bindings = &linked.reflection.bindings;
-            let storage = bindings.iter().filter(|b| b.access != surfelcast_shaders::Access::Uniform).count();
+            let storage = bindings.iter().filter(|b| b.access.is_storage()).count();
             assert!(storage <= REQUIRED.storage_buffers_per_kernel as usize, "{} binds {storage}", kernel.name);
             assert!(bindings.iter().all(|b| b.group < REQUIRED.bind_groups), "{}", kernel.name);
             let invocations: u32 = linked.reflection.workgroup_size.iter().product();

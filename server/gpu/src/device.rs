@@ -20,6 +20,7 @@ use crate::kernel::{Kernel, KernelStore};
 use crate::memory::{Buffer, BufferInner, MemoryKind, MemoryLedger, MemoryUse, next_id};
 use crate::pipeline_cache;
 use crate::staging::StagingRing;
+use crate::target;
 use crate::tracker::{ErrorTracker, TrackedError};
 
 /// Bytes handed to the driver at once when uploading, so that its own staging stays small.
@@ -82,6 +83,8 @@ pub(crate) struct Inner {
     /// must reach the queue together.
     pub(crate) uniforms: Mutex<Option<wgpu::Buffer>>,
     pub(crate) pipeline_cache: Option<(PathBuf, wgpu::PipelineCache)>,
+    /// Format of what raster kernels draw into, or why none can run.
+    pub(crate) target_format: Result<wgpu::TextureFormat, String>,
     loss: Arc<Loss>,
     errors: Arc<ErrorTracker>,
     allows_forced_loss: bool,
@@ -108,7 +111,10 @@ impl Gpu {
         let (report, adapter) = adapter::choose(options.adapter.as_deref())?;
         let open_failed = |message: String| GpuError::Open { adapter: report.name.clone(), message };
         let is_cpu = report.kind == AdapterKind::Cpu;
-        let wanted = wgpu::Features::SUBGROUP | wgpu::Features::PIPELINE_CACHE | wgpu::Features::TIMESTAMP_QUERY;
+        let wanted = wgpu::Features::SUBGROUP
+            | wgpu::Features::PIPELINE_CACHE
+            | wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::FLOAT32_BLENDABLE;
         let mut features = adapter.features() & wanted;
         let default_timing = if is_cpu { PassTiming::WallClock } else { PassTiming::Timestamps };
         let timing = options.pass_timing.unwrap_or(default_timing);
@@ -170,6 +176,7 @@ impl Gpu {
             staging: StagingRing::default(),
             uniforms: Mutex::new(None),
             pipeline_cache,
+            target_format: target::target_format(&adapter),
             loss,
             errors,
             allows_forced_loss: options.allow_forced_loss,
@@ -350,6 +357,15 @@ impl Inner {
             return Err(GpuError::DeviceLost { reason });
         }
         Ok(())
+    }
+
+    /// Format of targets; fails on a device that cannot draw.
+    pub(crate) fn raster(&self) -> Result<wgpu::TextureFormat, GpuError> {
+        let refuse = |reason: &String| GpuError::Validation {
+            context: format!("adapter `{}`", self.report.name),
+            message: reason.clone(),
+        };
+        self.target_format.as_ref().copied().map_err(refuse)
     }
 
     pub(crate) fn mark_lost(&self, reason: &str) {

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use crate::device::{Gpu, Inner, PassTiming};
 use crate::error::GpuError;
-use crate::graph::{Bound, DispatchSize, Graph, Pass, ReadBack, Step, Ticket};
+use crate::graph::{Bound, Graph, Pass, PassWork, ReadBack, Step, Ticket};
+use crate::kernel::Pipeline;
 use crate::staging::StagingBuffer;
 
 /// Passes of one graph that have timestamps; the others count as taking no time.
@@ -185,6 +186,9 @@ pub(crate) fn submit(graph: Graph) -> Result<Submission, GpuError> {
     for buffer in &graph.written {
         buffer.mark_written();
     }
+    for target in &graph.drawn {
+        target.mark_written();
+    }
     let timestamps = timestamps.map(|buffer| Mapping::start(buffer, timed.len() as u64 * 2 * TIMESTAMP_BYTES));
     let read_backs = graph.read_backs.into_iter().zip(staging).map(|(read_back, buffer)| {
         let bytes = read_back.aligned.end - read_back.aligned.start;
@@ -239,11 +243,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
                 let timestamps = queries.as_ref().filter(|_| timed.len() < TIMED_PASSES).map(|query_set| {
                     let first = timed.len() as u32 * 2;
                     timed.push(place);
-                    wgpu::ComputePassTimestampWrites {
-                        query_set,
-                        beginning_of_pass_write_index: Some(first),
-                        end_of_pass_write_index: Some(first + 1),
-                    }
+                    (query_set, first)
                 });
                 let encode =
                     |encoder: &mut wgpu::CommandEncoder| encode_pass(inner, encoder, pass, uniforms, timestamps);
@@ -318,12 +318,69 @@ fn encode_pass(
     encoder: &mut wgpu::CommandEncoder,
     pass: &Pass,
     uniforms: Option<&wgpu::Buffer>,
-    timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    timestamps: Option<(&wgpu::QuerySet, u32)>,
 ) {
+    let label = Some(pass.kernel.name());
+    let bind_groups = bind_groups(inner, pass, uniforms);
+    match (&pass.kernel.inner.pipeline, &pass.work) {
+        (Pipeline::Compute(pipeline), PassWork::Workgroups(_) | PassWork::Indirect(..)) => {
+            let timestamp_writes = timestamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(first),
+                end_of_pass_write_index: Some(first + 1),
+            });
+            let mut commands = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label, timestamp_writes });
+            commands.set_pipeline(pipeline);
+            for (group, bind_group) in &bind_groups {
+                commands.set_bind_group(*group, bind_group, &[]);
+            }
+            match &pass.work {
+                PassWork::Workgroups([x, y, z]) => commands.dispatch_workgroups(*x, *y, *z),
+                PassWork::Indirect(buffer, offset) => {
+                    commands.dispatch_workgroups_indirect(&buffer.inner.raw, *offset);
+                }
+                PassWork::Draw(..) => {}
+            }
+        }
+        (Pipeline::Raster(pipeline), PassWork::Draw(vertex_count, targets)) => {
+            let timestamp_writes = timestamps.map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(first),
+                end_of_pass_write_index: Some(first + 1),
+            });
+            let attachments = targets.iter().map(|target| {
+                Some(wgpu::RenderPassColorAttachment {
+                    view: &target.inner.view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })
+            });
+            let attachments: Vec<_> = attachments.collect();
+            let mut commands = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label,
+                color_attachments: &attachments,
+                timestamp_writes,
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            commands.set_pipeline(pipeline);
+            for (group, bind_group) in &bind_groups {
+                commands.set_bind_group(*group, bind_group, &[]);
+            }
+            commands.draw(0..*vertex_count, 0..1);
+        }
+        // Recording a pass refuses these.
+        (Pipeline::Compute(_), PassWork::Draw(..)) | (Pipeline::Raster(_), _) => {}
+    }
+}
+
+/// A pass' bind groups with their indices.
+fn bind_groups(inner: &Inner, pass: &Pass, uniforms: Option<&wgpu::Buffer>) -> Vec<(u32, wgpu::BindGroup)> {
     let kernel = &*pass.kernel.inner;
-    let mut commands =
-        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.kernel.name()), timestamp_writes });
-    commands.set_pipeline(&kernel.pipeline);
+    let mut groups = Vec::new();
     for (group, layout) in kernel.layouts.iter().enumerate() {
         let Some(layout) = layout else { continue };
         let bindings = kernel.reflection.bindings.iter().zip(&pass.bound);
@@ -332,6 +389,7 @@ fn encode_pass(
             .filter_map(|(binding, bound)| {
                 let resource = match bound {
                     Bound::Storage(buffer) => buffer.inner.raw.as_entire_binding(),
+                    Bound::Texture(target) => wgpu::BindingResource::TextureView(&target.inner.view),
                     Bound::Uniform { offset, size_bytes } => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                         buffer: uniforms?,
                         offset: *offset,
@@ -346,12 +404,9 @@ fn encode_pass(
             layout,
             entries: &entries,
         });
-        commands.set_bind_group(group as u32, &bind_group, &[]);
+        groups.push((group as u32, bind_group));
     }
-    match &pass.size {
-        DispatchSize::Workgroups([x, y, z]) => commands.dispatch_workgroups(*x, *y, *z),
-        DispatchSize::Indirect(buffer, offset) => commands.dispatch_workgroups_indirect(&buffer.inner.raw, *offset),
-    }
+    groups
 }
 
 fn resolve(

@@ -15,6 +15,7 @@ use crate::error::GpuError;
 use crate::execute::{self, Submission};
 use crate::kernel::Kernel;
 use crate::memory::Buffer;
+use crate::target::Target;
 
 /// Uniform data of one graph, bytes; a frame needs a few hundred.
 const UNIFORM_BYTES_LIMIT: usize = 4 << 20;
@@ -29,6 +30,8 @@ pub struct Graph {
     pub(crate) uniforms: Vec<u8>,
     /// Buffers that some step of this graph writes.
     pub(crate) written: Vec<Buffer>,
+    /// Targets that some step of this graph draws.
+    pub(crate) drawn: Vec<Target>,
     written_ids: HashSet<u64>,
     pub(crate) read_backs: Vec<ReadBack>,
 }
@@ -54,17 +57,22 @@ pub(crate) struct Pass {
     pub(crate) kernel: Kernel,
     /// Parallel to the kernel's bindings.
     pub(crate) bound: Vec<Bound>,
-    pub(crate) size: DispatchSize,
+    pub(crate) work: PassWork,
 }
 
 pub(crate) enum Bound {
     Storage(Buffer),
     Uniform { offset: u64, size_bytes: u64 },
+    Texture(Target),
 }
 
-pub(crate) enum DispatchSize {
+/// What a pass does with its kernel.
+pub(crate) enum PassWork {
     Workgroups([u32; 3]),
+    /// Workgroups from a buffer at an offset.
     Indirect(Buffer, u64),
+    /// So many vertices, drawn into targets that are cleared first.
+    Draw(u32, Vec<Target>),
 }
 
 #[derive(Debug)]
@@ -88,6 +96,7 @@ impl Graph {
             steps: Vec::new(),
             uniforms: Vec::new(),
             written: Vec::new(),
+            drawn: Vec::new(),
             written_ids: HashSet::new(),
             read_backs: Vec::new(),
         }
@@ -165,6 +174,7 @@ impl fmt::Debug for Bound {
         match self {
             Bound::Storage(buffer) => buffer.fmt(f),
             Bound::Uniform { offset, size_bytes } => write!(f, "uniform {offset}+{size_bytes}"),
+            Bound::Texture(target) => target.fmt(f),
         }
     }
 }
@@ -200,6 +210,19 @@ impl PassBuilder<'_> {
         }
     }
 
+    /// Binds a target that was drawn before.
+    pub fn texture(mut self, name: &str, target: &Target) -> Self {
+        let Some(index) = self.slot(name, Access::Texture) else { return self };
+        if target.inner.device_id != self.graph.gpu.inner.id {
+            return self.fail(name, format!("`{}` belongs to another device", target.label()));
+        }
+        if !target.is_written() && !self.graph.written_ids.contains(&target.inner.id) {
+            return self.fail(name, format!("`{}` is read, but nothing was ever drawn into it", target.label()));
+        }
+        self.bound[index] = Some(Bound::Texture(target.clone()));
+        self
+    }
+
     /// Binds constants of this dispatch: the bytes of the structure the kernel declares.
     pub fn uniform(mut self, name: &str, bytes: &[u8]) -> Self {
         let Some(index) = self.slot(name, Access::Uniform) else { return self };
@@ -228,7 +251,7 @@ impl PassBuilder<'_> {
             let message = format!("{count} workgroups in one dimension, this device allows {limit}");
             return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
         }
-        self.finish(DispatchSize::Workgroups(workgroups))
+        self.finish(PassWork::Workgroups(workgroups))
     }
 
     /// Adds the pass with the number of workgroups that `buffer` holds at `offset`: three `u32`. Made by
@@ -256,15 +279,47 @@ impl PassBuilder<'_> {
             return refuse("the pass itself writes it");
         }
         self.graph.owns(buffer, "dispatch")?;
-        self.finish(DispatchSize::Indirect(buffer.clone(), offset))
+        self.finish(PassWork::Indirect(buffer.clone(), offset))
     }
 
-    fn finish(mut self, size: DispatchSize) -> Result<(), GpuError> {
+    /// Adds the pass of a raster kernel: clears the targets, in the order of the kernel's outputs, and draws triangles of so
+    /// many vertices into them.
+    pub fn draw(self, vertex_count: u32, targets: &[&Target]) -> Result<(), GpuError> {
+        let wanted = self.kernel.reflection().target_count as usize;
+        let problem = if wanted != targets.len() {
+            Some(format!("{} targets are given, the kernel draws into {wanted}", targets.len()))
+        } else if targets.iter().any(|target| target.inner.device_id != self.graph.gpu.inner.id) {
+            Some("a target belongs to another device".to_owned())
+        } else if targets.iter().any(|target| target.size() != targets[0].size()) {
+            Some("its targets differ in size".to_owned())
+        } else {
+            let is_read = |target: &&Target| {
+                let bound = self.bound.iter().flatten();
+                bound.into_iter().any(|bound| matches!(bound, Bound::Texture(read) if read.inner.id == target.inner.id))
+            };
+            let is_repeated = |(index, target): (usize, &&Target)| {
+                targets[..index].iter().any(|other| other.inner.id == target.inner.id)
+            };
+            let is_wrong = targets.iter().any(is_read) || targets.iter().enumerate().any(is_repeated);
+            is_wrong.then(|| "a target is drawn into and read, or drawn into twice".to_owned())
+        };
+        if let Some(message) = problem {
+            return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
+        }
+        self.finish(PassWork::Draw(vertex_count, targets.iter().map(|&target| target.clone()).collect()))
+    }
+
+    fn finish(mut self, work: PassWork) -> Result<(), GpuError> {
         if let Some(problem) = self.problem.take() {
             return Err(problem);
         }
         if self.kernel.inner.device_id != self.graph.gpu.inner.id {
             let message = "the kernel belongs to another device".to_owned();
+            return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
+        }
+        if (self.kernel.reflection().target_count > 0) != matches!(work, PassWork::Draw(..)) {
+            let message =
+                "a raster kernel draws and a compute kernel is dispatched, not the other way round".to_owned();
             return Err(GpuError::Validation { context: format!("pass `{}`", self.kernel.name()), message });
         }
         let bindings = &self.kernel.reflection().bindings;
@@ -278,7 +333,12 @@ impl PassBuilder<'_> {
                 self.graph.mark_written(buffer);
             }
         }
-        self.graph.steps.push(Step::Pass(Pass { kernel: self.kernel, bound, size }));
+        if let PassWork::Draw(_, targets) = &work {
+            for target in targets.iter().filter(|target| self.graph.written_ids.insert(target.inner.id)) {
+                self.graph.drawn.push(target.clone());
+            }
+        }
+        self.graph.steps.push(Step::Pass(Pass { kernel: self.kernel, bound, work }));
         Ok(())
     }
 
@@ -323,6 +383,7 @@ impl PassBuilder<'_> {
                 Access::Uniform => "bind it with `uniform`",
                 Access::StorageRead => "the kernel only reads it: bind it with `read`",
                 Access::StorageReadWrite => "the kernel writes it: bind it with `read_write`",
+                Access::Texture => "the kernel reads texels: bind it with `texture`",
             };
             self.note(name, right.to_owned());
             return None;

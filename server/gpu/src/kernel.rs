@@ -8,7 +8,9 @@ use std::sync::{Arc, Weak};
 use std::thread;
 
 use parking_lot::{Condvar, Mutex};
-use surfelcast_shaders::{Access, Features, LinkedKernel, Reflection, link, link_source};
+use surfelcast_shaders::{
+    Access, Binding, FRAGMENT_SUFFIX, Features, LinkedKernel, Reflection, VERTEX_SUFFIX, link, link_source,
+};
 
 use crate::device::Inner;
 use crate::error::GpuError;
@@ -26,8 +28,13 @@ pub(crate) struct KernelInner {
     pub(crate) reflection: Reflection,
     /// By group; a group the kernel does not use has none.
     pub(crate) layouts: Vec<Option<wgpu::BindGroupLayout>>,
-    pub(crate) pipeline: wgpu::ComputePipeline,
+    pub(crate) pipeline: Pipeline,
     pub(crate) device_id: u64,
+}
+
+pub(crate) enum Pipeline {
+    Compute(wgpu::ComputePipeline),
+    Raster(wgpu::RenderPipeline),
 }
 
 impl Kernel {
@@ -218,6 +225,8 @@ fn build(gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
     let failed = |message: String| GpuError::Pipeline { kernel: linked.name.clone(), message };
     let reflection = &linked.reflection;
     fits(gpu, reflection).map_err(failed)?;
+    // Only a device that can draw has a format to draw in.
+    let target_format = if reflection.target_count > 0 { Some(gpu.raster()?) } else { None };
     let group_count = reflection.bindings.iter().map(|binding| binding.group as usize + 1).max().unwrap_or(0);
     let result = gpu.scoped(&linked.name, 0, || {
         let layouts: Vec<Option<wgpu::BindGroupLayout>> =
@@ -232,14 +241,17 @@ fn build(gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
             label: Some(&linked.name),
             source: wgpu::ShaderSource::Wgsl(linked.wgsl.as_str().into()),
         });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(&linked.name),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(&reflection.entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: gpu.pipeline_cache.as_ref().map(|(_, cache)| cache),
-        });
+        let pipeline = match target_format {
+            Some(format) => Pipeline::Raster(raster_pipeline(gpu, linked, &pipeline_layout, &module, format)),
+            None => Pipeline::Compute(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(&linked.name),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some(&reflection.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: gpu.pipeline_cache.as_ref().map(|(_, cache)| cache),
+            })),
+        };
         (layouts, pipeline)
     });
     let (layouts, pipeline) = result.map_err(|error| match error {
@@ -249,10 +261,53 @@ fn build(gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
     Ok(Kernel { inner: Arc::new(KernelInner { reflection: reflection.clone(), layouts, pipeline, device_id: gpu.id }) })
 }
 
+/// Triangles without vertex buffers, the far sides only, added to what is there.
+fn raster_pipeline(
+    gpu: &Inner,
+    linked: &LinkedKernel,
+    layout: &wgpu::PipelineLayout,
+    module: &wgpu::ShaderModule,
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let name = &linked.reflection.entry_point;
+    let add = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::One,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    };
+    let target = Some(wgpu::ColorTargetState {
+        format,
+        blend: Some(wgpu::BlendState { color: add, alpha: add }),
+        write_mask: wgpu::ColorWrites::ALL,
+    });
+    let targets = vec![target; linked.reflection.target_count as usize];
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(name),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(&format!("{name}{VERTEX_SUFFIX}")),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState { cull_mode: Some(wgpu::Face::Front), ..wgpu::PrimitiveState::default() },
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(&format!("{name}{FRAGMENT_SUFFIX}")),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &targets,
+        }),
+        multiview_mask: None,
+        cache: gpu.pipeline_cache.as_ref().map(|(_, cache)| cache),
+    })
+}
+
 /// Says in our words what the driver would say in its own.
 fn fits(gpu: &Inner, reflection: &Reflection) -> Result<(), String> {
     let limits = &gpu.report.limits;
-    let storage = reflection.bindings.iter().filter(|binding| binding.access != Access::Uniform).count();
+    let storage = reflection.bindings.iter().filter(|binding| binding.access.is_storage()).count();
     if storage > limits.storage_buffers_per_kernel as usize {
         return Err(format!(
             "it binds {storage} storage buffers, this device allows storage_buffers_per_kernel = {}; \
@@ -275,19 +330,13 @@ fn fits(gpu: &Inner, reflection: &Reflection) -> Result<(), String> {
 
 fn layout(device: &wgpu::Device, reflection: &Reflection, group: u32) -> Option<wgpu::BindGroupLayout> {
     let of_group = reflection.bindings.iter().filter(|binding| binding.group == group);
+    let is_raster = reflection.target_count > 0;
+    let stages = if is_raster { wgpu::ShaderStages::VERTEX_FRAGMENT } else { wgpu::ShaderStages::COMPUTE };
     let entries: Vec<wgpu::BindGroupLayoutEntry> = of_group
         .map(|binding| wgpu::BindGroupLayoutEntry {
             binding: binding.binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: match binding.access {
-                    Access::Uniform => wgpu::BufferBindingType::Uniform,
-                    Access::StorageRead => wgpu::BufferBindingType::Storage { read_only: true },
-                    Access::StorageReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
-                },
-                has_dynamic_offset: false,
-                min_binding_size: std::num::NonZeroU64::new(binding.min_size.into()),
-            },
+            visibility: stages,
+            ty: binding_type(binding),
             count: None,
         })
         .collect();
@@ -295,4 +344,21 @@ fn layout(device: &wgpu::Device, reflection: &Reflection, group: u32) -> Option<
         return None;
     }
     Some(device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries }))
+}
+
+fn binding_type(binding: &Binding) -> wgpu::BindingType {
+    let ty = match binding.access {
+        Access::Uniform => wgpu::BufferBindingType::Uniform,
+        Access::StorageRead => wgpu::BufferBindingType::Storage { read_only: true },
+        Access::StorageReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+        Access::Texture => {
+            return wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            };
+        }
+    };
+    let min_binding_size = std::num::NonZeroU64::new(binding.min_size.into());
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size }
 }

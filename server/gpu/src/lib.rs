@@ -5,6 +5,8 @@
 //! * [`Gpu::buffer`] makes memory, counted against a budget before the driver is asked.
 //! * [`Gpu::graph`] records passes that bind buffers by name; [`Graph::submit`] runs them and
 //!   [`Submission::wait`] brings back times and bytes.
+//! * A kernel with a vertex and a fragment shader draws triangles into [`Target`]s: the far sides only, so that a solid covers
+//!   each of its pixels once from outside and inside alike, and adding to what is there, in the order of the triangles.
 //!
 //! Nothing here panics when the device is lost: every call then answers [`GpuError::DeviceLost`], and the owner opens a
 //! new device and rebuilds from what it holds on the host. wgpu's types stay inside this crate.
@@ -18,6 +20,7 @@ mod kernel;
 mod memory;
 mod pipeline_cache;
 mod staging;
+mod target;
 mod tracker;
 
 pub use adapter::{AdapterKind, AdapterReport, GpuLimits, Tier, adapters};
@@ -27,4 +30,5 @@ pub use execute::{GraphReport, PassTime, Submission};
 pub use graph::{Graph, PassBuilder, Ticket};
 pub use kernel::Kernel;
 pub use memory::{Buffer, MemoryKind, MemoryUse};
+pub use target::Target;
 pub use tracker::TrackedError;

@@ -323,8 +323,8 @@ impl RunningView {
         {
             return Ok(());
         }
-        // Old buffers are freed first, so that the new ones may take their place.
-        self.work = None;
+        // Old buffers are freed first, so that the new ones may take their place; all but what the new picture starts from.
+        let earlier = self.work.take().and_then(|mut work| work.technique.leave_frame());
         let entry = registry::by_id(&self.shown.technique)
             .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", self.shown.technique)))?;
         let options = TechniqueOptions {
@@ -336,7 +336,10 @@ impl RunningView {
             waits_for_kernels: false,
             surfel: SurfelSettings::default(),
         };
-        let technique = (entry.create)(gpu, scene, lights, session, options)?;
+        let mut technique = (entry.create)(gpu, scene, lights, session, options)?;
+        if let Some(earlier) = earlier {
+            technique.take_frame(earlier);
+        }
         self.work = Some(Work {
             technique,
             technique_id: self.shown.technique.clone(),

@@ -33,7 +33,7 @@ pub use bounds::Bounds;
 pub use camera::{Camera, NamedCamera};
 pub use environment::{Environment, EnvironmentMap};
 pub use error::SceneError;
-pub use geometry::{BvhTriangle, Geometry, Instance, PackedVertex, SceneGeometry, TriangleRecord};
+pub use geometry::{BvhTriangle, Geometry, Instance, PackedVertex, SceneGeometry, TriangleRecord, pack_octahedral};
 pub use lights::{EmissiveTriangle, PunctualKind, PunctualLight};
 pub use limits::SceneLimits;
 pub use load::{LoadOptions, load_bytes, load_file};

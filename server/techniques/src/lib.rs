@@ -19,7 +19,7 @@ pub use passes::lights::{LightBuffers, LightState};
 pub use passes::upload::SceneBuffers;
 pub use session::SessionState;
 pub use surfel::{
-    ExportedSurfel, KNOBS, Knob, Reconstruction, SnapshotIdentity, SurfelCache, SurfelOutput, SurfelSettings,
+    Apply, ExportedSurfel, KNOBS, Knob, Reconstruction, SnapshotIdentity, SurfelCache, SurfelOutput, SurfelSettings,
 };
 pub use surfelcast_shaders::constants::SURFEL_FULL_TRUST as FULL_TRUST;
 pub use surfelcast_shaders::records::SurfelContribution;

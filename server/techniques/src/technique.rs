@@ -11,7 +11,7 @@ use crate::passes::frame::FrameView;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::session::SessionState;
-use crate::surfel::{SurfelCache, SurfelSettings};
+use crate::surfel::{EarlierFrame, SurfelCache, SurfelSettings};
 
 /// How surfaces scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -122,6 +122,14 @@ pub trait Technique: Send {
 
     /// Forgets what no longer holds.
     fn invalidate(&mut self, change: Change);
+
+    /// Gives its last frame away, for a picture of another size that takes its place; `None` where that has no use for it.
+    fn leave_frame(&mut self) -> Option<EarlierFrame> {
+        None
+    }
+
+    /// Takes the last frame of the picture that this one takes the place of, of the same view under the same lights.
+    fn take_frame(&mut self, _earlier: EarlierFrame) {}
 
     /// Mean radiance (rgb) by pixel, unexposed; `vec4f`.
     fn picture(&self) -> &Buffer;

@@ -205,7 +205,9 @@ pub fn create_general(gpu: &Gpu, options: TechniqueOptions) -> Result<Box<dyn Te
 
 /// The variant that serves any scene with these materials.
 pub fn general_features(materials: MaterialMode, is_split: bool) -> Features {
-    Features::ALL.set(Feature::Pbr, materials == MaterialMode::Pbr).set(Feature::Split, is_split)
+    // How a cache is applied is chosen, whatever the scene.
+    let any_scene = Features::ALL.without(Feature::Splat);
+    any_scene.set(Feature::Pbr, materials == MaterialMode::Pbr).set(Feature::Split, is_split)
 }
 
 /// Sums the times of passes of one name.

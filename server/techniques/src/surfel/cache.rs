@@ -64,7 +64,7 @@ pub struct SurfelCache {
     settings: SurfelSettings,
     seed: u64,
     scene_radius: f32,
-    cell_size: f32,
+    pub(crate) cell_size: f32,
     radii: [f32; 2],
     pub(crate) capacity: u32,
     /// Slots of cascades, in which cameras and rays leave marks; their cells do not depend on the grid.

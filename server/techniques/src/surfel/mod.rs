@@ -8,25 +8,29 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
+mod fill;
 mod graph;
 mod grid;
 mod kernels;
 mod look;
+mod reuse;
 mod settings;
 mod snapshot;
+mod splat;
 mod update;
 
 use std::sync::Arc;
 
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
+use surfelcast_shaders::{Feature, Features};
 
 pub use cache::SurfelCache;
 pub use look::SurfelOutput;
-pub use settings::{Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
+pub use reuse::EarlierFrame;
+pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::features_for;
@@ -38,6 +42,8 @@ use crate::path::general_features;
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
 use crate::surfel::kernels::KernelSet;
+use crate::surfel::reuse::Reuse;
+use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, add_passes, count_rays};
 use crate::technique::{
     Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
@@ -135,6 +141,18 @@ struct SurfelPicture {
     points: Buffer,
     accumulation: Buffer,
     direct: Buffer,
+    /// From the camera's first move on, where direct light is noisy.
+    reuse: Option<Reuse>,
+    /// The camera has moved since the picture was made.
+    has_moved: bool,
+    /// Moves of the camera since the light changed.
+    turn: u32,
+    /// Of the picture before this one, until the first frame.
+    taken: Option<EarlierFrame>,
+    /// Stands in for what shading keeps while nothing is reused.
+    unkept: Buffer,
+    /// Where surfels are drawn instead of gathered.
+    splat: Option<Splat>,
     /// B and reflections, where asked for.
     split: Option<(Buffer, Buffer)>,
     counters: Buffer,
@@ -148,8 +166,10 @@ impl SurfelPicture {
         session: &SessionState,
         options: TechniqueOptions,
     ) -> Result<Self, GpuError> {
-        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
-        let general = general_features(options.materials, options.is_split);
+        let splat = Splat::new(gpu, options.surfel.apply, options.size)?;
+        let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split)
+            .set(Feature::Splat, splat.is_some());
+        let general = general_features(options.materials, options.is_split).set(Feature::Splat, splat.is_some());
         let kernels = KernelSet::new(gpu, KERNELS, features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
@@ -168,6 +188,13 @@ impl SurfelPicture {
             points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
+            reuse: None,
+            // Smaller than it will be shown: a gesture is on.
+            has_moved: options.size != options.full_size,
+            taken: None,
+            turn: 0,
+            unkept: gpu.buffer("diffuse_direct", MemoryKind::View, 16)?,
+            splat,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
             } else {
@@ -176,6 +203,21 @@ impl SurfelPicture {
             counters: counters::buffer(gpu)?,
             options,
         })
+    }
+
+    /// Makes what reusing direct light takes, once it is of use: pictures that never move pay nothing.
+    fn prepare_reuse(&mut self, gpu: &Gpu, lights: &LightBuffers) {
+        let is_wanted = self.options.surfel.reuses_direct && !self.options.is_split && Reuse::helps(lights);
+        if !is_wanted {
+            (self.reuse, self.taken) = (None, None);
+        } else if self.has_moved && self.reuse.is_none() {
+            // A picture with more noise is better than none.
+            let made = Reuse::new(gpu, self.pixel_count());
+            self.reuse = made.inspect_err(|reason| tracing::warn!(%reason, "direct light is not reused")).ok();
+        }
+        if let (Some(reuse), Some(taken)) = (&mut self.reuse, self.taken.take()) {
+            reuse.take(taken);
+        }
     }
 
     fn pixel_count(&self) -> u32 {
@@ -248,8 +290,12 @@ impl SurfelPicture {
         let range = u32::try_from(limit).unwrap_or(u32::MAX).max(64).min(self.pixel_count() - first);
         let mut frame = *frame;
         (frame.first_pixel, frame.pixel_count) = (first, range);
+        frame.selector = if self.reuse.is_some() { Reuse::selector(self.samples, self.turn) } else { 0 };
         let uniforms = cache.uniforms(0);
         let mut graph = work.gpu.graph("surfel_shade");
+        if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
+            splat.record(&mut graph, cache, bytemuck::bytes_of(&frame), &self.points)?;
+        }
         graph.clear(&self.counters)?;
         let mut pass = cache
             .bind(work.lights.bind(work.scene.bind(graph.pass(self.kernels.get("surfel_shade")?))))
@@ -258,11 +304,20 @@ impl SurfelPicture {
             .read("visible", &self.visible)
             .read_write("accumulation", &self.accumulation)
             .read_write("direct_mean", &self.direct)
-            .read_write("counters", &self.counters);
+            .read_write("counters", &self.counters)
+            .read_write_if_bound("diffuse_direct", self.reuse.as_ref().map_or(&self.unkept, Reuse::diffuse));
+        if let Some(splat) = &self.splat {
+            pass = splat.bind(pass);
+        }
         if let Some((irradiance, reflection)) = &self.split {
             pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);
         }
         pass.dispatch(workgroups_of(range))?;
+        if let Some(reuse) =
+            self.reuse.as_mut().filter(|_| first + range == self.options.size[0] * self.options.size[1])
+        {
+            reuse.record(&mut graph, &frame, &self.points, &self.accumulation)?;
+        }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
         add_passes(step, std::mem::take(&mut report.passes));
@@ -287,6 +342,9 @@ impl Technique for SurfelPicture {
         }
         if self.phase == Phase::Start {
             self.kernels.refresh(gpu);
+            if self.samples == 0 {
+                self.prepare_reuse(gpu, lights);
+            }
         }
         let shared = Arc::clone(&self.cache);
         let mut cache = shared.lock();
@@ -331,16 +389,36 @@ impl Technique for SurfelPicture {
 
     fn invalidate(&mut self, change: Change) {
         match change {
+            Change::Camera if self.samples > 0 => {
+                self.has_moved = true;
+                self.turn = self.turn.wrapping_add(1);
+            }
+            Change::Camera => {}
             // The cache belongs to the session, which tells it of new lights once.
-            Change::Camera | Change::Lights => {
-                self.samples = 0;
-                self.phase = Phase::Start;
+            Change::Lights => {
+                self.turn = 0;
+                self.taken = None;
+                if let Some(reuse) = &mut self.reuse {
+                    reuse.forget();
+                }
             }
         }
+        self.samples = 0;
+        self.phase = Phase::Start;
+    }
+
+    fn leave_frame(&mut self) -> Option<EarlierFrame> {
+        self.reuse.as_ref().and_then(|reuse| reuse.leave(self.turn))
+    }
+
+    fn take_frame(&mut self, earlier: EarlierFrame) {
+        self.has_moved = true;
+        self.turn = earlier.turn.wrapping_add(1);
+        self.taken = Some(earlier);
     }
 
     fn picture(&self) -> &Buffer {
-        &self.accumulation
+        self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation)
     }
 
     fn samples(&self) -> u32 {

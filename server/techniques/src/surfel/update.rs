@@ -225,7 +225,7 @@ impl SurfelCache {
     }
 
     /// Lists the living and files them in the grid. `live` is how many there are now.
-    fn rebuild(&mut self, work: &Work<'_>, live: u32, step: &mut Step) -> Result<(), TechniqueError> {
+    pub(crate) fn rebuild(&mut self, work: &Work<'_>, live: u32, step: &mut Step) -> Result<(), TechniqueError> {
         let Work { gpu, kernels, .. } = *work;
         self.live = live;
         let mut graph = gpu.graph("surfel_grid");

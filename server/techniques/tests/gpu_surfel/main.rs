@@ -12,5 +12,7 @@ mod persistence;
 mod pin;
 mod reconstruction;
 mod repeat;
+mod reuse;
 mod rig;
 mod scenes;
+mod splat;

@@ -26,6 +26,7 @@ pub(crate) struct Rig<'a> {
     pub(crate) settings: SurfelSettings,
     pub(crate) materials: MaterialMode,
     pub(crate) size: [u32; 2],
+    pub(crate) is_split: bool,
 }
 
 impl<'a> Rig<'a> {
@@ -38,6 +39,7 @@ impl<'a> Rig<'a> {
             settings,
             materials: MaterialMode::Lambert,
             size,
+            is_split: true,
         }
     }
 
@@ -46,7 +48,7 @@ impl<'a> Rig<'a> {
             size: self.size,
             full_size: self.size,
             materials: self.materials,
-            is_split: true,
+            is_split: self.is_split,
             seed: 5,
             waits_for_kernels: true,
             surfel: self.settings,

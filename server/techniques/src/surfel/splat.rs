@@ -1,0 +1,116 @@
+//! Surfels drawn onto the picture instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways side by side.
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime, Target};
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::VisiblePoint;
+use surfelcast_shaders::{Feature, Features};
+
+use crate::passes::frame::FrameView;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::passes::workgroups_of;
+use crate::surfel::cache::{SurfelCache, cache_camera};
+use crate::surfel::settings::Apply;
+
+/// What the sums of a picture are drawn with and into.
+#[derive(Debug)]
+pub(crate) struct Splat {
+    kernel: Kernel,
+    /// Triangle corners of one surfel.
+    corners: u32,
+    /// Weighted B of bounced light with the weights, and of light that did not bounce.
+    sums: [Target; 2],
+}
+
+impl Splat {
+    /// What `apply` needs, nothing for a gather. Fails on a device that cannot draw, saying what it lacks.
+    pub(crate) fn new(gpu: &Gpu, apply: Apply, size: [u32; 2]) -> Result<Option<Self>, GpuError> {
+        let (name, corners) = match apply {
+            Apply::Gather => return Ok(None),
+            Apply::Boxes => ("surfel_boxes", 36),
+            Apply::Quads => ("surfel_quads", 6),
+        };
+        let target = |label| gpu.target(label, MemoryKind::View, size);
+        // Neither scene nor materials matter for these kernels.
+        let kernel = gpu.kernel(name, Features::NONE)?;
+        Ok(Some(Self { kernel, corners, sums: [target("splat_indirect")?, target("splat_direct")?] }))
+    }
+
+    /// Records the drawing of every living surfel.
+    pub(crate) fn record(
+        &self,
+        graph: &mut Graph,
+        cache: &SurfelCache,
+        frame: &[u8],
+        points: &Buffer,
+    ) -> Result<(), GpuError> {
+        let [indirect, direct] = &self.sums;
+        // 2^22 surfels, the most that fit, have 36 * 2^22 corners: no overflow.
+        cache
+            .bind(graph.pass(&self.kernel))
+            .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
+            .uniform("frame", frame)
+            .read("visible_points", points)
+            .read("surfel_lists", &cache.lists)
+            .draw(cache.live * self.corners, &[indirect, direct])
+    }
+
+    /// Binds the sums for a kernel that reads them.
+    pub(crate) fn bind<'g>(&self, pass: PassBuilder<'g>) -> PassBuilder<'g> {
+        let [indirect, direct] = &self.sums;
+        pass.texture("splat_indirect", indirect).texture("splat_direct", direct)
+    }
+}
+
+impl SurfelCache {
+    /// B (rgb) and the trust in it (w) at each visible point, `vec4f` by pixel, as a frame of `seed` would apply the cache; and
+    /// the passes with their times: camera rays, drawing where there is any, applying.
+    #[allow(clippy::too_many_arguments, reason = "scene, lights and view are separate owners")]
+    pub fn apply(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        features: Features,
+        seed: u64,
+        apply: Apply,
+    ) -> Result<(Buffer, Vec<PassTime>), GpuError> {
+        let splat = Splat::new(gpu, apply, view.size)?;
+        let features = features.set(Feature::Splat, splat.is_some());
+        let pixel_count = view.size[0] * view.size[1];
+        let buffer = |label, bytes: usize| gpu.buffer(label, MemoryKind::View, u64::from(pixel_count) * bytes as u64);
+        let visible = buffer("visible", 16)?;
+        let points = buffer("visible_points", size_of::<VisiblePoint>())?;
+        let applied = buffer("applied", 16)?;
+        let camera = self.add_camera(false);
+        self.set_camera(camera, cache_camera(view, scene.origin, view.size), view.exposure);
+        let uniforms = self.uniforms(0);
+        self.remove_camera(camera);
+        let mut frame = view.uniforms(scene, lights, features, seed);
+        frame.sample_count = 1;
+        let frame = bytemuck::bytes_of(&frame);
+        let mut graph = gpu.graph("surfel_apply");
+        lights
+            .bind(scene.bind(graph.pass(&gpu.kernel("surfel_visibility", features)?)))
+            .uniform("frame", frame)
+            .uniform("cache", bytemuck::bytes_of(&uniforms))
+            .read_write("visible", &visible)
+            .read_write("visible_points", &points)
+            .dispatch(workgroups_of(pixel_count))?;
+        if let Some(splat) = &splat {
+            splat.record(&mut graph, self, frame, &points)?;
+        }
+        let kernel = gpu.kernel("surfel_apply", features)?;
+        let mut pass = self.bind(graph.pass(&kernel)).uniform("frame", frame).read("visible_points", &points);
+        if splat.is_none() {
+            pass = pass.uniform("cache", bytemuck::bytes_of(&uniforms));
+        }
+        if let Some(splat) = &splat {
+            pass = splat.bind(pass);
+        }
+        pass.read_write("applied", &applied).dispatch(workgroups_of(pixel_count))?;
+        let report = graph.submit()?.wait()?;
+        Ok((applied, report.passes))
+    }
+}
