@@ -68,7 +68,7 @@ shader_constants! {
     REUSED_FRAMES: u32 = 16;
     /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits below `REUSE_TURN_MASK`
     /// count the camera moves since the light changed.
-    KEEPS_DIFFUSE_LIGHT: u32 = 0x80000000;
+    KEEPS_DIFFUSE_LIGHT: u32 = 0x8000_0000;
     /// See `KEEPS_DIFFUSE_LIGHT`.
     REUSE_TURN_MASK: u32 = 0xffff;
     /// In the selector of a reusing pass: there is a frame before this one.

@@ -5,7 +5,6 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to its terminal")]
 
 use std::fmt::Write as _;
-use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::{Vec3, Vec4};
@@ -158,8 +157,7 @@ fn main() -> Result<()> {
     let demo = scenes.iter().find(|demo| demo.name == "interior").context("no scene interior")?;
     let view = ViewFile::parse(demo.view.as_bytes())?;
     let scene = load_bytes(&demo.glb, demo.name, &LoadOptions { view: Some(view), ..LoadOptions::default() })?;
-    let options = GpuOptions { submission_limit: Some(Duration::from_secs(300)), ..GpuOptions::default() };
-    let gpu = Gpu::open(&options)?;
+    let gpu = Gpu::open(&GpuOptions::default())?;
     gpu.can_draw()?;
     let lights = LightBuffers::new(&gpu, &scene, &LightState::of_scene(&scene))?;
     let setup = Setup {

@@ -75,7 +75,7 @@ fn boxes_give_the_light_that_a_gather_gives_and_quads_nearly() {
     // Only the order of sums may differ for boxes.
     check(&rig, picture.as_ref(), home, "cornell box", [0.0, 1e-6]);
     // Along a wall, the eye within the boxes of the surfels beside it.
-    let towards = (home.target - home.position).normalize();
+    let towards = (home.target - home.position).normalize_or(-home.up);
     let hit = surfelcast_scene::trace::closest_hit(
         &scene.geometry,
         (home.position - scene.origin).as_vec3(),
