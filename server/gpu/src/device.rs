@@ -31,7 +31,7 @@ const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
 const DEFAULT_SUBMISSION_LIMIT: Duration = Duration::from_secs(30);
 /// The same for CPU devices. They compile at the first dispatch and share the cores with whatever else runs: one on a crowded
 /// machine was taken for hanging by the limit for cards.
-const CPU_SUBMISSION_LIMIT: Duration = Duration::from_secs(300);
+const CPU_SUBMISSION_LIMIT: Duration = Duration::from_mins(5);
 
 /// How passes are timed, and with that how they are submitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
