@@ -136,7 +136,7 @@ pub(crate) struct RenderArgs {
 }
 
 fn reconstruction_names() -> clap::builder::PossibleValuesParser {
-    surfelcast_techniques::Reconstruction::ALL.map(|(name, _)| name).into()
+    surfelcast_techniques::Reconstruction::names().into()
 }
 
 pub(crate) fn technique_ids() -> clap::builder::PossibleValuesParser {

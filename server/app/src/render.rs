@@ -10,6 +10,7 @@ use surfelcast_renderer::{
 };
 use surfelcast_scene::{NamedCamera, Scene};
 use surfelcast_stream::{Codec, Quality, encode, encode_exr, tone_map_to_rgba8};
+use surfelcast_techniques::{Reconstruction, registry};
 
 use crate::cli::{DeviceArgs, Materials, RenderArgs};
 use crate::failure::Failure;
@@ -34,6 +35,7 @@ enum Format {
 
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let format = format_of(&args.output)?;
+    check_reconstruction(args)?;
     let progress = Progress::new();
     progress.say("reading");
     let scene = Arc::new(scene_file::load(&args.scene, args.view.as_ref(), args.environment.as_ref())?);
@@ -133,10 +135,21 @@ async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) 
     }
 }
 
+/// Only what is made of surfels can be reconstructed from them.
+fn check_reconstruction(args: &RenderArgs) -> Result<(), Failure> {
+    let has_surfels = registry::by_id(&args.technique).is_some_and(|entry| entry.uses_surfels);
+    match args.reconstruction.as_deref() {
+        Some(name) if name != "none" && !has_surfels => {
+            Err(Failure::input(format!("--reconstruction {name}: technique {} has none", args.technique)))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure: f32) -> RenderJob {
     let mut surfel = SurfelSettings::by_name(&args.preset).unwrap_or_default();
     if let Some(name) = &args.reconstruction {
-        surfel.reconstruction = surfelcast_techniques::Reconstruction::by_name(name).unwrap_or_default();
+        surfel.reconstruction = Reconstruction::by_name(name).unwrap_or_default();
     }
     for knob in &args.knobs {
         // Checked when the command line was read.

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::path::general_features;
+use surfelcast_techniques::passes::features::general_features;
 use surfelcast_techniques::{
-    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry,
+    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };
 use tokio::sync::{mpsc, watch};
 
@@ -436,8 +436,9 @@ impl Actor {
                 Ok(gpu) => {
                     if self.config.prepares_general_kernels {
                         // They compile while the first scene is still being read.
-                        let techniques = registry::TECHNIQUES.iter().flat_map(|entry| entry.kernels);
-                        for kernel in techniques.chain(&["error_audit"]) {
+                        let techniques =
+                            registry::TECHNIQUES.iter().flat_map(|entry| (entry.kernels)(&SurfelSettings::default()));
+                        for kernel in techniques.chain(["error_audit"]) {
                             gpu.prepare(kernel, general_features(MaterialMode::Pbr, false));
                         }
                     }
@@ -512,7 +513,12 @@ impl Actor {
             }
             status.techniques = registry::TECHNIQUES
                 .iter()
-                .map(|entry| TechniqueDescription { id: entry.id, label: entry.label, summary: entry.summary })
+                .map(|entry| TechniqueDescription {
+                    id: entry.id,
+                    label: entry.label,
+                    summary: entry.summary,
+                    uses_surfels: entry.uses_surfels,
+                })
                 .collect();
         });
     }

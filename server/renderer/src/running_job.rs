@@ -6,8 +6,8 @@ use std::time::Instant;
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
+use surfelcast_techniques::passes::merge_passes;
 use surfelcast_techniques::passes::{features, first_surface};
-use surfelcast_techniques::path::merge_passes;
 use surfelcast_techniques::technique::{Conformance, StepBudget, Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry,
@@ -73,12 +73,11 @@ pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
         None => !job.scene.punctual_lights.is_empty(),
     };
     let features = |is_split| features::features_for(&job.scene.summary, job.materials, has_punctual, is_split);
-    entry
-        .kernels
-        .iter()
+    (entry.kernels)(&job.surfel)
+        .into_iter()
         .filter(|_| surface_output(job.aov).is_none())
-        .chain(["error_audit"].iter().filter(|_| job.aov.is_none()))
-        .map(|&kernel| (kernel, features(is_split && kernel != "error_audit")))
+        .chain(["error_audit"].into_iter().filter(|_| job.aov.is_none()))
+        .map(|kernel| (kernel, features(is_split && kernel != "error_audit")))
         .collect()
 }
 

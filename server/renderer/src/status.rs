@@ -36,6 +36,8 @@ pub struct TechniqueDescription {
     pub label: &'static str,
     /// One sentence.
     pub summary: &'static str,
+    /// Whether presets, knobs and reconstruction of the surfel cache mean anything to it.
+    pub uses_surfels: bool,
 }
 
 /// Snapshot, published through a `watch` channel.

@@ -42,8 +42,6 @@ const FIELDS: [&str; 17] = [
     "aov",
 ];
 const CAMERA_FIELDS: [&str; 4] = ["position", "target", "up", "vfov_deg"];
-/// The technique whose light is reconstructed from surfels.
-const RECONSTRUCTING: &str = "surfel";
 
 /// A body that is well formed and within the bounds, before the scene is known.
 #[derive(Clone, Debug)]
@@ -154,12 +152,12 @@ impl RenderSpec {
             let detail = format!("width x height: more than the limit of {} pixels", bounds.render_pixels);
             return Err(ApiError::unprocessable(detail));
         }
-        let ids: Vec<&str> = status.techniques.iter().map(|technique| technique.id).collect();
         let technique = self.technique.as_deref().unwrap_or(DEFAULT_TECHNIQUE);
-        if !ids.contains(&technique) {
+        let Some(known) = status.techniques.iter().find(|known| known.id == technique) else {
+            let ids: Vec<&str> = status.techniques.iter().map(|technique| technique.id).collect();
             return Err(ApiError::unprocessable(format!("technique: must be one of {}", ids.join(", "))));
-        }
-        if self.reconstruction.as_deref().is_some_and(|name| name != "none") && technique != RECONSTRUCTING {
+        };
+        if self.reconstruction.as_deref().is_some_and(|name| name != "none") && !known.uses_surfels {
             let detail = format!("reconstruction: technique {technique} has none; leave the field out");
             return Err(ApiError::unprocessable(detail));
         }

@@ -21,7 +21,10 @@ pub(crate) fn surfel_settings(
             .ok_or_else(|| ApiError::unprocessable(format!("preset: must be one of {}", preset_names().join(", "))))?,
     };
     if let Some(name) = reconstruction {
-        settings.turn(&format!("reconstruction={name}")).map_err(ApiError::unprocessable)?;
+        settings.reconstruction = Reconstruction::by_name(name).ok_or_else(|| {
+            let known = Reconstruction::names().join(", ");
+            ApiError::unprocessable(format!("reconstruction: must be one of {known}"))
+        })?;
     }
     let knobs = match knobs {
         None => return Ok(settings),
@@ -66,7 +69,7 @@ pub(crate) fn preset_schema() -> Object {
 pub(crate) fn reconstruction_schema() -> Object {
     ObjectBuilder::new()
         .schema_type(Type::String)
-        .enum_values(Some(Reconstruction::ALL.map(|(name, _)| name)))
+        .enum_values(Some(Reconstruction::names()))
         .default(Some(SurfelSettings::default().reconstruction.name().into()))
         .description(Some("How light is made of what surfels measured; other techniques have none."))
         .build()

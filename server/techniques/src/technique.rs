@@ -179,8 +179,10 @@ pub struct TechniqueEntry {
     pub summary: &'static str,
     /// What is promised.
     pub conformance: Conformance,
-    /// Kernels, for compilation ahead of use.
-    pub kernels: &'static [&'static str],
+    /// Kernels that a picture with these settings runs, for compilation ahead of use.
+    pub kernels: fn(&SurfelSettings) -> Vec<&'static str>,
+    /// Whether it draws on the surfel cache: presets, knobs and reconstruction mean nothing to others.
+    pub uses_surfels: bool,
     /// Whether it can render a scene at all.
     pub needs: fn(&SceneSummary) -> Result<(), String>,
     /// Makes one.

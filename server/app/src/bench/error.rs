@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Picture, flip, shared_folder, split_error};
-use surfelcast_techniques::{SessionState, registry};
+use surfelcast_techniques::{SessionState, SurfelSettings, registry};
 
 use crate::bench::case::{Case, Truth, Wanted};
 use crate::bench::record::{Curve, Key, Point, Record};
 use crate::bench::stage::{Cost, Stage, camera_aside};
-use crate::bench::variant::{Start, VariantLists, reconstructions};
+use crate::bench::variant::{Start, VariantLists};
 use crate::bench::{OutputArgs, device_name, peers, progress_bar, tables};
 use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids};
 use crate::failure::Failure;
@@ -147,11 +147,9 @@ impl Study {
                 }
             }
         }
-        // One reconstruction is enough for the questions that are about something else: the last named is the best.
+        // One reconstruction is enough for the questions that are about something else.
         if self != Self::Error && asked.reconstructions.is_empty() {
-            let known = reconstructions();
-            let best = known.iter().find(|name| **name == "poisson").or(known.last());
-            lists.reconstructions = best.iter().map(|name| (**name).to_owned()).collect();
+            lists.reconstructions = words(&[SurfelSettings::default().reconstruction.name()]);
         }
         lists
     }

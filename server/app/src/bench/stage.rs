@@ -10,7 +10,7 @@ use surfelcast_gpu::{Buffer, Gpu, PassTime};
 use surfelcast_measure::{Mode, Picture};
 use surfelcast_renderer::Pace;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::path::merge_passes;
+use surfelcast_techniques::passes::merge_passes;
 use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,

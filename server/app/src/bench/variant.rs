@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use surfelcast_techniques::registry::TECHNIQUES;
-use surfelcast_techniques::{SurfelSettings, TechniqueEntry};
+use surfelcast_techniques::{Reconstruction, SurfelSettings, TechniqueEntry};
 
 use crate::failure::Failure;
 
@@ -44,71 +44,55 @@ pub(crate) struct VariantLists {
     pub(crate) starts: Vec<Start>,
 }
 
-/// Names of the reconstructions that the surfel cache offers: the one place that knows how a name becomes a setting. A
-/// name is on offer as soon as the settings take it.
-pub(crate) fn reconstructions() -> Vec<&'static str> {
-    const NAMES: [&str; 4] = ["none", "regression", "poisson", "image"];
-    NAMES.into_iter().filter(|name| set_reconstruction(&mut SurfelSettings::BALANCED.clone(), name).is_ok()).collect()
-}
-
-fn set_reconstruction(settings: &mut SurfelSettings, name: &str) -> Result<(), String> {
-    settings.turn(&format!("reconstruction={name}"))
-}
-
-/// Whether presets and knobs of the surfel cache mean anything to a technique.
-fn uses_surfels(entry: &TechniqueEntry) -> bool {
-    entry.kernels.iter().any(|kernel| kernel.starts_with("surfel_"))
-}
-
 impl VariantLists {
     /// Every combination that makes sense, in the order of the lists.
     pub(crate) fn all(&self) -> Result<Vec<Variant>, Failure> {
         let is_asked = |entry: &&TechniqueEntry| {
             self.techniques.is_empty() || self.techniques.iter().any(|technique| technique == entry.id)
         };
-        let mut variants = Vec::new();
+        let or = |asked: &[String], default: &[&str]| match asked {
+            [] => default.iter().map(|&word| word.to_owned()).collect(),
+            named => named.to_vec(),
+        };
+        let reconstructions = or(&self.reconstructions, &Reconstruction::names());
+        let presets = or(&self.presets, &[DEFAULT_PRESET]);
+        let starts = if self.starts.is_empty() { vec![Start::Empty] } else { self.starts.clone() };
+        let mut variants = vec![];
         for entry in TECHNIQUES.iter().filter(is_asked) {
-            let plain = Variant {
+            let mut made = vec![Variant {
                 technique: entry.id.to_owned(),
                 reconstruction: None,
                 preset: None,
                 knobs: Vec::new(),
                 start: Start::Empty,
-            };
-            if !uses_surfels(entry) {
-                variants.push(plain);
-                continue;
+            }];
+            if entry.uses_surfels {
+                made = each(&made, &reconstructions, |of, name| of.reconstruction = Some(name.clone()));
+                made = each(&made, &presets, |of, name| of.preset = Some(name.clone()));
+                made = each(&made, &knob_combinations(&self.knobs)?, |of, knobs| of.knobs = knobs.clone());
+                made = each(&made, &starts, |of, start| of.start = *start);
             }
-            let known = reconstructions();
-            let mut reconstructions: Vec<Option<String>> = match self.reconstructions.as_slice() {
-                [] => known.iter().map(|name| Some((*name).to_owned())).collect(),
-                named => named.iter().cloned().map(Some).collect(),
-            };
-            if reconstructions.is_empty() {
-                reconstructions.push(None);
+            for variant in &made {
+                variant.settings()?;
             }
-            let presets = if self.presets.is_empty() { vec![DEFAULT_PRESET.to_owned()] } else { self.presets.clone() };
-            let starts = if self.starts.is_empty() { vec![Start::Empty] } else { self.starts.clone() };
-            for reconstruction in &reconstructions {
-                for preset in &presets {
-                    for knobs in knob_combinations(&self.knobs)? {
-                        for &start in &starts {
-                            let variant = Variant {
-                                reconstruction: reconstruction.clone(),
-                                preset: Some(preset.clone()),
-                                knobs: knobs.clone(),
-                                start,
-                                ..plain.clone()
-                            };
-                            variant.settings()?;
-                            variants.push(variant);
-                        }
-                    }
-                }
-            }
+            variants.extend(made);
         }
         Ok(variants)
     }
+}
+
+/// Every variant with every choice made.
+fn each<T>(variants: &[Variant], choices: &[T], choose: impl Fn(&mut Variant, &T)) -> Vec<Variant> {
+    let chosen = |variant: &Variant, choice: &T| {
+        let mut variant = variant.clone();
+        choose(&mut variant, choice);
+        variant
+    };
+    variants
+        .iter()
+        .flat_map(|variant| choices.iter().map(move |choice| (variant, choice)))
+        .map(|(v, c)| chosen(v, c))
+        .collect()
 }
 
 fn knob_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
@@ -134,8 +118,10 @@ impl Variant {
         let mut settings = SurfelSettings::by_name(preset)
             .ok_or_else(|| Failure::input(format!("--preset {preset}: there is no such preset")))?;
         if let Some(name) = &self.reconstruction {
-            set_reconstruction(&mut settings, name)
-                .map_err(|reason| Failure::input(format!("--reconstruction {name}: {reason}")))?;
+            settings.reconstruction = Reconstruction::by_name(name).ok_or_else(|| {
+                let known = Reconstruction::names().join(", ");
+                Failure::input(format!("--reconstruction {name}: must be one of {known}"))
+            })?;
         }
         for knob in &self.knobs {
             settings.turn(knob).map_err(|reason| Failure::input(format!("--surfel {knob}: {reason}")))?;
@@ -170,7 +156,7 @@ mod tests {
             ..VariantLists::default()
         };
         let labels: Vec<_> = lists.all().unwrap().iter().map(Variant::label).collect();
-        let surfels = 2 * 2 * 2 * reconstructions().len().max(1);
+        let surfels = 2 * 2 * 2 * Reconstruction::ALL.len();
         assert_eq!(labels.len(), surfels + 1, "{labels:?}");
         assert!(labels.contains(&"path".to_owned()), "{labels:?}");
         assert!(labels.iter().any(|label| label.ends_with("high radius=3 capacity=65536 (warm)")), "{labels:?}");

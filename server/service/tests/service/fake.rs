@@ -97,8 +97,9 @@ pub(crate) struct Fake {
 impl Fake {
     pub(crate) fn start(manners: Manners) -> Self {
         let (handle, commands, status) = RendererHandle::channel();
-        let path = TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased." };
-        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another." };
+        let path =
+            TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased.", uses_surfels: false };
+        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another.", uses_surfels: false };
         status.send_replace(RendererStatus {
             state: DeviceState::Ready,
             device: DeviceInfo { name: "fake".into(), ..DeviceInfo::default() },

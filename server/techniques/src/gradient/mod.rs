@@ -13,13 +13,14 @@ use surfelcast_shaders::constants::GRADIENT_SCREEN;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::GradientUniforms;
 
-use crate::passes::features::features_for;
+use crate::passes::batches::Batches;
+use crate::passes::features::{features_for, general_features};
 use crate::passes::frame::FrameView;
+use crate::passes::kernels::KernelSet;
 use crate::passes::lights::LightBuffers;
 use crate::passes::poisson::{Norm, PoissonProblem, PoissonSettings, PoissonSolver};
 use crate::passes::upload::SceneBuffers;
-use crate::passes::{counters, workgroups_of};
-use crate::path::{general_features, merge_passes};
+use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::technique::{
     Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
 };
@@ -30,7 +31,8 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     label: "Gradient domain",
     summary: "Path tracing of pixels and of their differences, and the picture that fits both in least squares.",
     conformance: Conformance::Unbiased,
-    kernels: KERNELS,
+    kernels: |_| KERNELS.to_vec(),
+    uses_surfels: false,
     needs: |_| Ok(()),
     create: |gpu, scene, lights, _, options| {
         Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(Norm::L2))?))
@@ -52,9 +54,6 @@ pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
 
 /// The kernels that depend on the scene's features.
 const KERNELS: &[&str] = &["gradient_trace", "gradient_weights"];
-/// Threads of a workgroup of `gradient_trace`, and its pixels in one dispatch at most.
-const WORKGROUP: u32 = 64;
-const MAX_PIXELS: u32 = 65_535 * WORKGROUP;
 /// Iterations of a round at most, and the residual that ends it sooner.
 const ITERATIONS: u32 = 32;
 const TOLERANCE: f32 = 3e-4;
@@ -84,12 +83,7 @@ enum Phase {
 #[derive(Debug)]
 pub struct GradientTracer {
     options: TechniqueOptions,
-    /// Variant that fits the scene.
-    features: Features,
-    trace: Kernel,
-    weigh: Kernel,
-    /// Variant of both: the general one until the fitting one is compiled.
-    running_features: Features,
+    kernels: KernelSet,
     edges: Kernel,
     compose: Kernel,
     /// `vec4f` a pixel: mean radiance, squared deviation of luminance; the values that are reconstructed.
@@ -107,12 +101,7 @@ pub struct GradientTracer {
     counters: Buffer,
     solver: Option<PoissonSolver>,
     phase: Phase,
-    /// Samples a pixel in the picture.
-    samples: u32,
-    /// Size of the batch in hand; 0 between batches.
-    batch: u32,
-    /// Pixels of the batch in hand that are done.
-    batch_pixels: u32,
+    batches: Batches,
 }
 
 impl GradientTracer {
@@ -131,16 +120,8 @@ impl GradientTracer {
             });
         }
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, false);
-        // The first picture does not wait for a compiler.
-        let is_ready = KERNELS.iter().all(|kernel| gpu.kernel_if_ready(kernel, features).is_some());
-        let running_features = if options.waits_for_kernels || is_ready {
-            features
-        } else {
-            for kernel in KERNELS {
-                gpu.prepare(kernel, features);
-            }
-            general_features(options.materials, false)
-        };
+        let general = general_features(options.materials, false);
+        let kernels = KernelSet::new(gpu, KERNELS.to_vec(), features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let buffer = |label, vectors: u64| gpu.buffer(label, MemoryKind::View, pixels * 16 * vectors);
         let solver = match reconstruction {
@@ -156,10 +137,7 @@ impl GradientTracer {
             Reconstruction::None => None,
         };
         Ok(Self {
-            features,
-            trace: gpu.kernel(KERNELS[0], running_features)?,
-            weigh: gpu.kernel(KERNELS[1], running_features)?,
-            running_features,
+            kernels,
             edges: gpu.kernel("gradient_edges", Features::NONE)?,
             compose: gpu.kernel("gradient_picture", Features::NONE)?,
             accumulation: buffer("accumulation", 1)?,
@@ -172,9 +150,7 @@ impl GradientTracer {
             counters: counters::buffer(gpu)?,
             solver,
             phase: Phase::Trace,
-            samples: 0,
-            batch: 0,
-            batch_pixels: 0,
+            batches: Batches::new(options.size),
             options,
         })
     }
@@ -203,12 +179,6 @@ impl GradientTracer {
         self.options.size[0] * self.options.size[1]
     }
 
-    /// As many samples as there are already, so that a first picture comes soon and later ones cost little overhead.
-    fn next_batch(&self, budget: &StepBudget) -> u32 {
-        let left = budget.until_samples.saturating_sub(self.samples);
-        self.samples.max(1).min(budget.max_batch.max(1)).min(left)
-    }
-
     fn trace(
         &mut self,
         gpu: &Gpu,
@@ -217,46 +187,35 @@ impl GradientTracer {
         view: &FrameView,
         max_paths: u64,
     ) -> Result<Step, TechniqueError> {
-        let affordable_groups = max_paths / u64::from(self.batch) / u64::from(WORKGROUP);
-        let groups = affordable_groups.clamp(1, u64::from(MAX_PIXELS / WORKGROUP)) as u32;
-        let range = (groups * WORKGROUP).min(self.pixel_count() - self.batch_pixels);
-        let mut uniforms = view.uniforms(scene, lights, self.running_features, self.options.seed);
-        uniforms.first_pixel = self.batch_pixels;
-        uniforms.pixel_count = range;
-        uniforms.first_sample = self.samples;
-        uniforms.sample_count = self.batch;
+        let frame = view.uniforms(scene, lights, self.kernels.running(), self.options.seed);
+        let range = self.batches.range(frame, max_paths);
+        let groups = workgroups_of(range.pixel_count);
         let mut graph = gpu.graph("gradient");
         graph.clear(&self.counters)?;
         lights
-            .bind(scene.bind(graph.pass(&self.trace)))
-            .uniform("frame", bytemuck::bytes_of(&uniforms))
+            .bind(scene.bind(graph.pass(self.kernels.get(KERNELS[0])?)))
+            .uniform("frame", bytemuck::bytes_of(&range))
             .read_write("accumulation", &self.accumulation)
             .read_write("seen_means", &self.seen_means)
             .read_write("shift_means", &self.shift_means)
             .read_write("counters", &self.counters)
-            .dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
-        if self.samples == 0 {
+            .dispatch(groups)?;
+        if range.first_sample == 0 {
             // Once for a camera, piece by piece like the paths.
             lights
-                .bind(scene.bind(graph.pass(&self.weigh)))
-                .uniform("frame", bytemuck::bytes_of(&uniforms))
+                .bind(scene.bind(graph.pass(self.kernels.get(KERNELS[1])?)))
+                .uniform("frame", bytemuck::bytes_of(&range))
                 .read_write("poisson_weights", &self.weights)
-                .dispatch([range.div_ceil(WORKGROUP), 1, 1])?;
+                .dispatch(groups)?;
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
         let counts = counters::sum(&report.take(ticket)?);
-        self.batch_pixels += range;
-        if self.batch_pixels == self.pixel_count() {
+        let paths = self.batches.advance(&range);
+        if self.batches.is_traced() {
             self.phase = Phase::Begin;
         }
-        Ok(Step {
-            paths: u64::from(range) * u64::from(self.batch),
-            rays: counts.rays,
-            non_finite: counts.non_finite,
-            passes: report.passes,
-            ..Step::default()
-        })
+        Ok(Step { paths, rays: counts.rays, non_finite: counts.non_finite, passes: report.passes, ..Step::default() })
     }
 
     /// One submission's worth of the reconstruction; returns whether the picture is finished.
@@ -331,27 +290,16 @@ impl Technique for GradientTracer {
         budget: StepBudget,
     ) -> Result<Step, TechniqueError> {
         if self.phase == Phase::Trace {
-            if self.batch == 0 {
-                self.batch = self.next_batch(&budget);
-            }
-            if self.batch == 0 {
+            if !self.batches.begin(&budget) {
                 return Ok(Step { is_whole: true, ..Step::default() });
             }
-            if self.running_features != self.features
-                && let Some(trace) = gpu.kernel_if_ready(KERNELS[0], self.features)
-                && let Some(weigh) = gpu.kernel_if_ready(KERNELS[1], self.features)
-            {
-                (self.trace, self.weigh) = (trace, weigh);
-                self.running_features = self.features;
-            }
+            self.kernels.refresh(gpu);
             return self.trace(gpu, scene, lights, view, budget.max_paths);
         }
         // A step of the reconstruction traces no path, so it says nothing of the rate of paths.
         let mut step = Step::default();
         if self.reconstruct(gpu, view.exposure, &mut step)? {
-            self.samples += self.batch;
-            self.batch = 0;
-            self.batch_pixels = 0;
+            self.batches.finish();
             self.phase = Phase::Trace;
             step.is_whole = true;
         }
@@ -363,9 +311,7 @@ impl Technique for GradientTracer {
             // Every estimate belongs to one camera and one set of lights.
             Change::Camera | Change::Lights => {
                 self.phase = Phase::Trace;
-                self.samples = 0;
-                self.batch = 0;
-                self.batch_pixels = 0;
+                self.batches.restart();
             }
         }
     }
@@ -375,7 +321,7 @@ impl Technique for GradientTracer {
     }
 
     fn samples(&self) -> u32 {
-        self.samples
+        self.batches.samples()
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {
@@ -383,6 +329,6 @@ impl Technique for GradientTracer {
     }
 
     fn features(&self) -> Features {
-        self.features
+        self.kernels.features()
     }
 }

@@ -150,7 +150,7 @@ impl Audit {
         let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(values)?);
         let means: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(means)?);
         let sums: Vec<f32> = bytemuck::pod_collect_to_vec(&report.take(sums)?);
-        crate::path::merge_passes(&mut result.passes, report.passes);
+        crate::passes::merge_passes(&mut result.passes, report.passes);
         let predicted = sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(pixel_count);
         evaluate(&values, &means, predicted, exposure, &mut result);
         Ok(result)
@@ -188,7 +188,7 @@ impl Audit {
         }
         result.non_finite += counts.non_finite;
         self.lane_samples += count;
-        crate::path::merge_passes(&mut result.passes, report.passes);
+        crate::passes::merge_passes(&mut result.passes, report.passes);
         Ok(())
     }
 }

@@ -30,6 +30,13 @@ pub fn features_for(
     switches.into_iter().filter(|(_, is_on)| *is_on).fold(Features::NONE, |set, (feature, _)| set.with(feature))
 }
 
+/// The variant that serves any scene with these materials.
+pub fn general_features(materials: MaterialMode, is_split: bool) -> Features {
+    // How a cache is applied is chosen, whatever the scene.
+    let any_scene = Features::ALL.without(Feature::Splat);
+    any_scene.set(Feature::Pbr, materials == MaterialMode::Pbr).set(Feature::Split, is_split)
+}
+
 /// Parts of the kernels that were left out, with the reason, for the statistics.
 pub fn skipped_parts(features: Features) -> Vec<(&'static str, &'static str)> {
     const REASONS: [(Feature, &str, &str); 9] = [

@@ -1,15 +1,32 @@
 //! Passes that every technique may use.
 
 pub mod audit;
+pub(crate) mod batches;
 pub mod counters;
 pub mod features;
 pub mod first_surface;
 pub mod frame;
+pub(crate) mod kernels;
 pub mod lights;
 pub mod poisson;
 pub mod scan;
 pub mod tone_map;
 pub mod upload;
+
+use surfelcast_gpu::PassTime;
+
+/// Sums the times of passes of one name.
+pub fn merge_passes(into: &mut Vec<PassTime>, from: Vec<PassTime>) {
+    for pass in from {
+        match into.iter_mut().find(|known| known.name == pass.name) {
+            Some(known) => {
+                known.gpu_ms += pass.gpu_ms;
+                known.dispatches += pass.dispatches;
+            }
+            None => into.push(pass),
+        }
+    }
+}
 
 /// Workgroups of 64 threads for so many pixels, in rows of at most 65,535: no device has to take more in one dimension.
 pub(crate) fn workgroups_of(pixel_count: u32) -> [u32; 3] {

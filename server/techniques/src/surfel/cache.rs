@@ -182,7 +182,7 @@ impl SurfelCache {
             graph: if settings.reconstruction == Reconstruction::None {
                 None
             } else {
-                Some(SurfelGraph::new(gpu, surfels)?)
+                Some(SurfelGraph::new(gpu, surfels, settings.reconstruction)?)
             },
             no_hits: buffer_of::<FirstHit>(gpu, "first_hits", 1)?,
             live: 0,
@@ -286,10 +286,8 @@ impl SurfelCache {
             graph.clear(&self.rays)?;
             graph.submit()?.wait()?;
         }
-        if let (UpdateStage::Idle, Some(edges)) = (self.stage, &mut self.graph)
-            && self.settings.reconstruction == Reconstruction::Poisson
-        {
-            edges.reserve(gpu, u64::from(rays))?;
+        if let (UpdateStage::Idle, Some(graph)) = (self.stage, &mut self.graph) {
+            graph.reserve(gpu, u64::from(rays))?;
         }
         let candidates = u64::from(SURFEL_HIT_CANDIDATES + tiles);
         if self.candidates.size_bytes() < candidates * size_of::<SurfelRecord>() as u64 {

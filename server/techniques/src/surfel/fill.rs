@@ -6,10 +6,10 @@ use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Zeroable as _};
 use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
 
+use crate::passes::kernels::KernelSet;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::{SurfelCache, UpdateStage};
-use crate::surfel::kernels::KernelSet;
 use crate::surfel::settings::SurfelSettings;
 use crate::surfel::snapshot::ExportedSurfel;
 use crate::surfel::update::Work;
@@ -71,7 +71,7 @@ impl SurfelCache {
         gpu.upload(&cache.flags, 0, bytemuck::cast_slice(&vec![ALIVE; surfels.len()]))?;
         cache.next_serial = count + 1;
         cache.stage = UpdateStage::Idle;
-        let kernels = KernelSet::new(gpu, FILING, Features::NONE, Features::NONE, true)?;
+        let kernels = KernelSet::new(gpu, FILING.to_vec(), Features::NONE, Features::NONE, true)?;
         cache.rebuild(&Work { gpu, kernels: &kernels, scene, lights }, count, &mut Step::default())?;
         Ok(cache)
     }

@@ -8,15 +8,43 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind, PassBuilder};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FirstHit, SurfelEdge, SurfelUniforms};
 
+use crate::passes::kernels::KernelSet;
 use crate::passes::workgroups_of;
 use crate::surfel::cache::SurfelCache;
-use crate::surfel::kernels::KernelSet;
 use crate::surfel::settings::Reconstruction;
+use crate::surfel::snapshot::read;
 use crate::surfel::update::Work;
 use crate::technique::TechniqueError;
 
+/// What every reconstruction runs.
+pub(crate) const KERNELS: &[&str] = &[
+    "graph_choose",
+    "graph_join",
+    "graph_checkpoint",
+    "graph_moments",
+    "graph_pool",
+    "graph_statistics",
+    "graph_regress",
+    "graph_blend",
+    "graph_output",
+];
+/// What measured differences take beside that.
+pub(crate) const SOLVE_KERNELS: &[&str] = &[
+    "graph_shift",
+    "graph_learn",
+    "graph_scales",
+    "graph_link",
+    "graph_shrink",
+    "graph_residual",
+    "graph_product",
+    "graph_advance",
+    "graph_turn",
+];
+
 /// Slots of edges for each surfel.
-pub(crate) const EDGE_SLOTS: u64 = 8;
+const EDGE_SLOTS: u64 = 8;
+/// Bytes of a shifted ray.
+const SHIFT_BYTES: u64 = 16;
 /// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
 const NEAR_RINGS: u32 = 2;
 const WIDE_RINGS: u32 = 10;
@@ -31,13 +59,9 @@ const SUM_REGIONS: u64 = 4;
 #[derive(Debug)]
 pub(crate) struct SurfelGraph {
     /// Eight slots each.
-    pub(crate) edges: Buffer,
-    /// By ray.
-    pub(crate) first_hits: Buffer,
-    /// By ray.
-    shifts: Buffer,
-    chosen: Buffer,
+    edges: Buffer,
     links: Buffer,
+    chosen: Buffer,
     checkpoints: Buffer,
     statistics: Buffer,
     expected: Buffer,
@@ -45,26 +69,43 @@ pub(crate) struct SurfelGraph {
     gradients: Buffer,
     values: Buffer,
     solutions: Buffer,
+    pools: [Buffer; 2],
+    partial_sums: Buffer,
+    /// Where differences are measured.
+    solve: Option<Solve>,
+}
+
+/// What measuring differences and solving for them takes beside that.
+#[derive(Debug)]
+struct Solve {
+    /// By ray.
+    first_hits: Buffer,
+    /// By ray.
+    shifts: Buffer,
     residuals: Buffer,
     directions: Buffer,
     products: Buffer,
-    pools: [Buffer; 2],
-    partial_sums: Buffer,
 }
 
 impl SurfelGraph {
-    pub(crate) fn new(gpu: &Gpu, capacity: u64) -> Result<Self, GpuError> {
-        let by_surfel = |label: &str| gpu.buffer(label, MemoryKind::Session, capacity * 16);
-        let made = Self {
-            edges: gpu.buffer(
-                "surfel_edges",
-                MemoryKind::Session,
-                capacity * EDGE_SLOTS * size_of::<SurfelEdge>() as u64,
-            )?,
-            first_hits: gpu.buffer("first_hits", MemoryKind::Session, size_of::<FirstHit>() as u64)?,
-            shifts: gpu.buffer("shifts", MemoryKind::Session, 16)?,
+    pub(crate) fn new(gpu: &Gpu, capacity: u64, reconstruction: Reconstruction) -> Result<Self, GpuError> {
+        let buffer = |label, bytes| cleared(gpu, label, bytes);
+        let by_surfel = |label| buffer(label, capacity * 16);
+        let solve = if reconstruction == Reconstruction::Poisson {
+            Some(Solve {
+                first_hits: buffer("first_hits", size_of::<FirstHit>() as u64)?,
+                shifts: buffer("shifts", SHIFT_BYTES)?,
+                residuals: by_surfel("node_residuals")?,
+                directions: by_surfel("node_directions")?,
+                products: by_surfel("node_products")?,
+            })
+        } else {
+            None
+        };
+        Ok(Self {
+            edges: buffer("surfel_edges", capacity * EDGE_SLOTS * size_of::<SurfelEdge>() as u64)?,
+            links: buffer("node_links", capacity * EDGE_SLOTS * 16)?,
             chosen: by_surfel("chosen")?,
-            links: gpu.buffer("node_links", MemoryKind::Session, capacity * EDGE_SLOTS * 16)?,
             checkpoints: by_surfel("node_checkpoints")?,
             statistics: by_surfel("node_statistics")?,
             expected: by_surfel("expected")?,
@@ -72,45 +113,35 @@ impl SurfelGraph {
             gradients: by_surfel("node_gradients")?,
             values: by_surfel("node_values")?,
             solutions: by_surfel("node_solutions")?,
-            residuals: by_surfel("node_residuals")?,
-            directions: by_surfel("node_directions")?,
-            products: by_surfel("node_products")?,
             pools: [by_surfel("pool_a")?, by_surfel("pool_b")?],
-            partial_sums: gpu.buffer("partial_sums", MemoryKind::Session, u64::from(SUM_GROUPS) * SUM_REGIONS * 16)?,
-        };
-        let mut graph = gpu.graph("surfel_graph");
-        let by_id = [
-            &made.edges,
-            &made.checkpoints,
-            &made.links,
-            &made.statistics,
-            &made.solutions,
-            &made.gradients,
-            &made.values,
-        ];
-        let by_ray = [&made.first_hits, &made.shifts];
-        for buffer in by_id.into_iter().chain(by_ray).chain(&made.pools).chain([&made.chosen, &made.partial_sums]) {
-            graph.clear(buffer)?;
-        }
-        for buffer in [&made.expected, &made.expected_direct, &made.residuals, &made.directions, &made.products] {
-            graph.clear(buffer)?;
-        }
-        graph.submit()?.wait()?;
-        Ok(made)
+            partial_sums: buffer("partial_sums", u64::from(SUM_GROUPS) * SUM_REGIONS * 16)?,
+            solve,
+        })
     }
 
-    /// Makes room for so many rays.
+    /// Makes room for so many rays, where they are shifted.
     pub(crate) fn reserve(&mut self, gpu: &Gpu, rays: u64) -> Result<(), GpuError> {
-        if self.shifts.size_bytes() < rays * 16 {
-            self.first_hits = gpu.buffer("first_hits", MemoryKind::Session, rays * size_of::<FirstHit>() as u64)?;
-            self.shifts = gpu.buffer("shifts", MemoryKind::Session, rays * 16)?;
-            let mut graph = gpu.graph("surfel_shifts");
-            graph.clear(&self.first_hits)?;
-            graph.clear(&self.shifts)?;
-            graph.submit()?.wait()?;
+        if let Some(solve) = &mut self.solve
+            && solve.shifts.size_bytes() < rays * SHIFT_BYTES
+        {
+            solve.first_hits = cleared(gpu, "first_hits", rays * size_of::<FirstHit>() as u64)?;
+            solve.shifts = cleared(gpu, "shifts", rays * SHIFT_BYTES)?;
         }
         Ok(())
     }
+
+    /// Where rays first hit something, where anybody asks.
+    pub(crate) fn first_hits(&self) -> Option<&Buffer> {
+        self.solve.as_ref().map(|solve| &solve.first_hits)
+    }
+}
+
+fn cleared(gpu: &Gpu, label: &str, bytes: u64) -> Result<Buffer, GpuError> {
+    let buffer = gpu.buffer(label, MemoryKind::Session, bytes)?;
+    let mut graph = gpu.graph("surfel_graph");
+    graph.clear(&buffer)?;
+    graph.submit()?.wait()?;
+    Ok(buffer)
 }
 
 /// Workgroups that sum over so many surfels.
@@ -144,8 +175,6 @@ impl SurfelCache {
             ("rays", &self.rays),
             ("counters", &self.counters),
             ("surfel_edges", &nodes.edges),
-            ("first_hits", &nodes.first_hits),
-            ("shifts", &nodes.shifts),
             ("chosen", &nodes.chosen),
             ("node_links", &nodes.links),
             ("node_checkpoints", &nodes.checkpoints),
@@ -155,15 +184,22 @@ impl SurfelCache {
             ("node_gradients", &nodes.gradients),
             ("node_values", &nodes.values),
             ("node_solutions", &nodes.solutions),
-            ("node_residuals", &nodes.residuals),
-            ("node_directions", &nodes.directions),
-            ("node_products", &nodes.products),
             ("pooled", &nodes.pools[pools.0]),
             ("to_pool", &nodes.pools[pools.1]),
             ("partial_sums", &nodes.partial_sums),
         ];
+        let of_solve = nodes.solve.as_ref().map(|solve| {
+            [
+                ("first_hits", &solve.first_hits),
+                ("shifts", &solve.shifts),
+                ("node_residuals", &solve.residuals),
+                ("node_directions", &solve.directions),
+                ("node_products", &solve.products),
+            ]
+        });
         let pass = graph.pass(kernels.get(name)?).uniform("cache", uniforms);
-        Ok(named.into_iter().fold(pass, |pass, (name, buffer)| pass.bind_if_bound(name, buffer)))
+        let all = named.into_iter().chain(of_solve.into_iter().flatten());
+        Ok(all.fold(pass, |pass, (name, buffer)| pass.bind_if_bound(name, buffer)))
     }
 
     /// Joins the living surfels to their neighbours anew; edges that stay keep what they have learnt.
@@ -198,7 +234,7 @@ impl SurfelCache {
 
     /// Whether edges carry measured differences.
     pub(crate) fn measures_differences(&self) -> bool {
-        self.graph.is_some() && self.settings().reconstruction == Reconstruction::Poisson
+        self.graph.as_ref().is_some_and(|graph| graph.solve.is_some())
     }
 
     /// From the surfels' means, and the edges' differences where they are measured, to what gathers read.
@@ -211,41 +247,98 @@ impl SurfelCache {
         let each = workgroups_of(self.live);
         let summing = sum_groups(self.live);
         let bytes = bytemuck::bytes_of(uniforms);
-        if self.measures_differences() {
-            self.graph_pass(graph, kernels, "graph_learn", bytes, (0, 1))?.dispatch(each)?;
+        let measures = self.measures_differences();
+        let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), TechniqueError> {
+            Ok(self.graph_pass(graph, kernels, name, bytes, pools)?.dispatch(groups)?)
+        };
+        if measures {
+            run("graph_learn", (0, 1), each)?;
         }
-        self.graph_pass(graph, kernels, "graph_checkpoint", bytes, (0, 1))?.dispatch(each)?;
-        self.graph_pass(graph, kernels, "graph_moments", bytes, (1, 0))?.dispatch(each)?;
-        for ring in 0..WIDE_RINGS {
+        run("graph_checkpoint", (0, 1), each)?;
+        run("graph_moments", (1, 0), each)?;
+        // Only the solve weighs values, by a variance from far around. An even number of rings leaves the sums in the first pool.
+        for ring in 0..if measures { WIDE_RINGS } else { NEAR_RINGS } {
             let from = ring as usize % 2;
-            self.graph_pass(graph, kernels, "graph_pool", bytes, (from, 1 - from))?.dispatch(each)?;
+            run("graph_pool", (from, 1 - from), each)?;
             if ring + 1 == NEAR_RINGS {
-                self.graph_pass(graph, kernels, "graph_statistics", bytes, (1 - from, from))?.dispatch(each)?;
+                run("graph_statistics", (1 - from, from), each)?;
             }
         }
-        // An even number of rings leaves the sums in the first pool.
-        self.graph_pass(graph, kernels, "graph_regress", bytes, (0, 1))?.dispatch(each)?;
-        self.graph_pass(graph, kernels, "graph_pool", bytes, (1, 0))?.dispatch(each)?;
-        self.graph_pass(graph, kernels, "graph_pool", bytes, (0, 1))?.dispatch(each)?;
-        self.graph_pass(graph, kernels, "graph_scales", bytes, (1, 0))?.dispatch(summing)?;
-        self.graph_pass(graph, kernels, "graph_blend", bytes, (1, 0))?.dispatch(summing)?;
-        if self.measures_differences() {
-            self.graph_pass(graph, kernels, "graph_link", bytes, (1, 0))?.dispatch(each)?;
-            self.graph_pass(graph, kernels, "graph_pool", bytes, (0, 1))?.dispatch(each)?;
-            self.graph_pass(graph, kernels, "graph_shrink", bytes, (1, 0))?.dispatch(each)?;
-            self.graph_pass(graph, kernels, "graph_residual", bytes, (0, 1))?.dispatch(summing)?;
-            for iteration in 0..ITERATIONS {
-                let mut uniforms = *uniforms;
-                uniforms.first_item = iteration;
-                let bytes = bytemuck::bytes_of(&uniforms);
-                self.graph_pass(graph, kernels, "graph_product", bytes, (0, 1))?.dispatch(summing)?;
-                self.graph_pass(graph, kernels, "graph_advance", bytes, (0, 1))?.dispatch(summing)?;
-                if iteration + 1 < ITERATIONS {
-                    self.graph_pass(graph, kernels, "graph_turn", bytes, (0, 1))?.dispatch(summing)?;
-                }
-            }
+        run("graph_regress", (0, 1), each)?;
+        run("graph_pool", (1, 0), each)?;
+        run("graph_pool", (0, 1), each)?;
+        if measures {
+            run("graph_scales", (1, 0), summing)?;
+        }
+        run("graph_blend", (1, 0), summing)?;
+        if measures {
+            run("graph_link", (1, 0), each)?;
+            run("graph_pool", (0, 1), each)?;
+            run("graph_shrink", (1, 0), each)?;
+            run("graph_residual", (0, 1), summing)?;
+            self.record_iterations(graph, kernels, uniforms)?;
         }
         self.graph_pass(graph, kernels, "graph_output", bytes, (0, 1))?.dispatch(each)?;
         Ok(())
+    }
+    /// Steps of the solve.
+    fn record_iterations(
+        &self,
+        graph: &mut Graph,
+        kernels: &KernelSet,
+        uniforms: &SurfelUniforms,
+    ) -> Result<(), TechniqueError> {
+        for iteration in 0..ITERATIONS {
+            let uniforms = SurfelUniforms { first_item: iteration, ..*uniforms };
+            for name in ["graph_product", "graph_advance", "graph_turn"] {
+                // After the last step no direction is needed.
+                if name != "graph_turn" || iteration + 1 < ITERATIONS {
+                    self.graph_pass(graph, kernels, name, bytemuck::bytes_of(&uniforms), (0, 1))?
+                        .dispatch(sum_groups(self.live))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What reconnected rays measured between two surfels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredDifference {
+    /// Places in the list of [`SurfelCache::export`].
+    pub ends: [u32; 2],
+    /// B at the second end minus B at the first.
+    pub difference: [f32; 3],
+    /// Variance of its luminance.
+    pub variance: f32,
+    /// Reconnected rays of each end.
+    pub counts: [f32; 2],
+}
+
+impl SurfelCache {
+    /// Every edge of the graph that both ends have measured, once. Empty without reconstruction by differences.
+    pub fn measured_differences(&self, gpu: &Gpu) -> Result<Vec<MeasuredDifference>, GpuError> {
+        let Some(graph) = self.graph.as_ref().filter(|graph| graph.solve.is_some()) else { return Ok(Vec::new()) };
+        let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
+        let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.capacity) * EDGE_SLOTS)?;
+        let slots_of = |id: u32| edges.iter().skip(id as usize * EDGE_SLOTS as usize).take(EDGE_SLOTS as usize);
+        let place_of = |id: u32| ids.binary_search(&id).ok().map(|place| place as u32);
+        let mut found = Vec::new();
+        for (place, &id) in ids.iter().enumerate() {
+            for there in slots_of(id).filter(|edge| edge.serial != 0 && edge.neighbour > id) {
+                let back = slots_of(there.neighbour).find(|edge| edge.serial != 0 && edge.neighbour == id);
+                let (Some(back), Some(other)) = (back, place_of(there.neighbour)) else { continue };
+                if there.count <= 0.0 || back.count <= 0.0 {
+                    continue;
+                }
+                found.push(MeasuredDifference {
+                    ends: [place as u32, other],
+                    difference: std::array::from_fn(|i| there.difference[i] - back.difference[i]),
+                    variance: there.square / there.count + back.square / back.count,
+                    counts: [there.count, back.count],
+                });
+            }
+        }
+        Ok(found)
     }
 }

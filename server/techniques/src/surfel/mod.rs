@@ -11,7 +11,6 @@ mod cache;
 mod fill;
 mod graph;
 mod grid;
-mod kernels;
 mod look;
 mod reuse;
 mod settings;
@@ -28,23 +27,23 @@ use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
 
 pub use cache::SurfelCache;
+pub use graph::MeasuredDifference;
 pub use look::SurfelOutput;
 pub use reuse::EarlierFrame;
 pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
-pub use snapshot::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity};
+pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
-use crate::passes::features::features_for;
+use crate::passes::features::{features_for, general_features};
 use crate::passes::frame::FrameView;
+use crate::passes::kernels::KernelSet;
 use crate::passes::lights::LightBuffers;
 use crate::passes::upload::SceneBuffers;
-use crate::passes::{counters, workgroups_of};
-use crate::path::general_features;
+use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
-use crate::surfel::kernels::KernelSet;
 use crate::surfel::reuse::Reuse;
 use crate::surfel::splat::Splat;
-use crate::surfel::update::{Asking, Work, add_passes, count_rays};
+use crate::surfel::update::{Asking, Work, count_rays};
 use crate::technique::{
     Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
 };
@@ -55,13 +54,15 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     label: "Surfel cache",
     summary: "Real-time default: indirect light from a cache that all views share and that stays.",
     conformance: Conformance::Biased { rmse_tonemapped: 0.03 },
-    kernels: KERNELS,
+    kernels: kernels_for,
+    uses_surfels: true,
     needs: |_| Ok(()),
     create: |gpu, scene, lights, session, options| {
         Ok(Box::new(SurfelPicture::new(gpu, scene, lights, session, options)?))
     },
 };
 
+/// What every picture runs.
 const KERNELS: &[&str] = &[
     "surfel_visibility",
     "surfel_coverage",
@@ -79,31 +80,22 @@ const KERNELS: &[&str] = &[
     "surfel_relight",
     "surfel_request",
     "surfel_rays",
-    "surfel_bin_count",
-    "surfel_bin_scatter",
-    "surfel_seed",
     "surfel_integrate",
-    "surfel_share",
     "surfel_recycle",
-    "graph_choose",
-    "graph_join",
-    "graph_shift",
-    "graph_learn",
-    "graph_checkpoint",
-    "graph_moments",
-    "graph_pool",
-    "graph_statistics",
-    "graph_regress",
-    "graph_scales",
-    "graph_blend",
-    "graph_link",
-    "graph_shrink",
-    "graph_residual",
-    "graph_product",
-    "graph_advance",
-    "graph_turn",
-    "graph_output",
 ];
+
+/// What a picture with these settings runs, and no more.
+fn kernels_for(settings: &SurfelSettings) -> Vec<&'static str> {
+    let optional = [
+        (settings.reconstruction == Reconstruction::None, &["surfel_share"][..]),
+        (settings.reconstruction != Reconstruction::None, graph::KERNELS),
+        (settings.reconstruction == Reconstruction::Poisson, graph::SOLVE_KERNELS),
+        (settings.bins_rays, &["surfel_bin_count", "surfel_bin_scatter"]),
+        (settings.initial != Initial::Gaps, &["surfel_seed"]),
+    ];
+    let chosen = optional.iter().filter(|(is_needed, _)| *is_needed).flat_map(|(_, names)| *names);
+    KERNELS.iter().chain(chosen).copied().collect()
+}
 
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
 const FEWEST_RAYS: u32 = 4096;
@@ -147,7 +139,7 @@ struct SurfelPicture {
     has_moved: bool,
     /// Moves of the camera since the light changed.
     turn: u32,
-    /// Of the picture before this one, until the first frame.
+    /// Of the picture before this one, until it is reused.
     taken: Option<EarlierFrame>,
     /// Stands in for what shading keeps while nothing is reused.
     unkept: Buffer,
@@ -170,7 +162,7 @@ impl SurfelPicture {
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split)
             .set(Feature::Splat, splat.is_some());
         let general = general_features(options.materials, options.is_split).set(Feature::Splat, splat.is_some());
-        let kernels = KernelSet::new(gpu, KERNELS, features, general, options.waits_for_kernels)?;
+        let kernels = KernelSet::new(gpu, kernels_for(&options.surfel), features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
         let full_pixels = options.full_size[0].saturating_mul(options.full_size[1]);
@@ -212,11 +204,8 @@ impl SurfelPicture {
             (self.reuse, self.taken) = (None, None);
         } else if self.has_moved && self.reuse.is_none() {
             // A picture with more noise is better than none.
-            let made = Reuse::new(gpu, self.pixel_count());
+            let made = Reuse::new(gpu, self.pixel_count(), self.taken.take());
             self.reuse = made.inspect_err(|reason| tracing::warn!(%reason, "direct light is not reused")).ok();
-        }
-        if let (Some(reuse), Some(taken)) = (&mut self.reuse, self.taken.take()) {
-            reuse.take(taken);
         }
     }
 
@@ -254,7 +243,7 @@ impl SurfelPicture {
                 .read_write("visible", &self.visible)
                 .read_write("visible_points", &self.points)
                 .dispatch(workgroups_of(piece.pixel_count))?;
-            add_passes(step, graph.submit()?.wait()?.passes);
+            merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
         }
         cache.file(work, step)?;
         if self.samples == 0 || self.quiet_frames == 0 {
@@ -320,7 +309,7 @@ impl SurfelPicture {
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
-        add_passes(step, std::mem::take(&mut report.passes));
+        merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(ticket)?);
         Ok(range)
     }

@@ -41,7 +41,8 @@ pub(crate) struct Reuse {
 }
 
 impl Reuse {
-    pub(crate) fn new(gpu: &Gpu, pixel_count: u32) -> Result<Self, GpuError> {
+    /// `taken` is another picture's last frame to start from.
+    pub(crate) fn new(gpu: &Gpu, pixel_count: u32, taken: Option<EarlierFrame>) -> Result<Self, GpuError> {
         let pixels = u64::from(pixel_count);
         let buffer = |label, bytes: usize| gpu.buffer(label, MemoryKind::View, pixels * bytes as u64);
         let history = || buffer("direct_history", size_of::<DirectHistory>());
@@ -49,7 +50,7 @@ impl Reuse {
             kernel: gpu.kernel("surfel_reuse", Features::NONE)?,
             history: [history()?, history()?],
             last: None,
-            taken: None,
+            taken,
             diffuse: buffer("diffuse_direct", 16)?,
             shown: buffer("shown", 16)?,
             is_shown: false,
@@ -88,11 +89,6 @@ impl Reuse {
         self.last = None;
         self.taken = None;
         self.is_shown = false;
-    }
-
-    /// Starts from another picture's frame.
-    pub(crate) fn take(&mut self, earlier: EarlierFrame) {
-        self.taken = Some(earlier);
     }
 
     /// The last frame, for another picture.

@@ -54,6 +54,11 @@ impl Reconstruction {
         Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, reconstruction)| *reconstruction)
     }
 
+    /// All names.
+    pub fn names() -> [&'static str; 3] {
+        Self::ALL.map(|(name, _)| name)
+    }
+
     /// Its name on the command line and over HTTP.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, known)| *known == self).map_or("none", |(name, _)| name)
@@ -295,14 +300,8 @@ pub const KNOBS: &[Knob] = &[
 ];
 
 impl SurfelSettings {
-    /// Turns one knob, given as `name=value`, or chooses the reconstruction, as `reconstruction=name`. The answer to what is wrong names the knob and its range.
+    /// Turns one knob, given as `name=value`. The answer to what is wrong names the knob and its range.
     pub fn turn(&mut self, assignment: &str) -> Result<(), String> {
-        if let Some(name) = assignment.strip_prefix("reconstruction=") {
-            let known = || Reconstruction::ALL.map(|(name, _)| name).join(", ");
-            self.reconstruction = Reconstruction::by_name(name.trim())
-                .ok_or_else(|| format!("reconstruction: must be one of {}", known()))?;
-            return Ok(());
-        }
         let names = || KNOBS.iter().map(|knob| knob.name).collect::<Vec<_>>().join(", ");
         let Some((name, value)) = assignment.split_once('=') else {
             return Err(format!("{assignment}: expected KNOB=VALUE; knobs are {}", names()));

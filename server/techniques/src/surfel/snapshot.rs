@@ -13,11 +13,10 @@ use sha2::{Digest as _, Sha256};
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
-use surfelcast_shaders::records::{SurfelEdge, SurfelLight, SurfelOutput, SurfelRecord};
+use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
 
 use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::SurfelCache;
-use crate::surfel::graph::EDGE_SLOTS;
 use crate::surfel::settings::SurfelSettings;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
@@ -245,7 +244,7 @@ fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
 }
 
 /// The first `count` items of a buffer.
-fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuError> {
+pub(crate) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuError> {
     let end = count * size_of::<T>() as u64;
     let mut bytes = Vec::with_capacity(end as usize);
     let mut at = 0;
@@ -257,47 +256,6 @@ fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuErr
         at = next;
     }
     Ok(bytemuck::pod_collect_to_vec(&bytes))
-}
-
-/// What reconnected rays measured between two surfels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeasuredDifference {
-    /// Places in the list of [`SurfelCache::export`].
-    pub ends: [u32; 2],
-    /// B at the second end minus B at the first.
-    pub difference: [f32; 3],
-    /// Variance of its luminance.
-    pub variance: f32,
-    /// Reconnected rays of each end.
-    pub counts: [f32; 2],
-}
-
-impl SurfelCache {
-    /// Every edge of the graph that both ends have measured, once. Empty without reconstruction by differences.
-    pub fn measured_differences(&self, gpu: &Gpu) -> Result<Vec<MeasuredDifference>, GpuError> {
-        let Some(graph) = self.graph.as_ref().filter(|_| self.measures_differences()) else { return Ok(Vec::new()) };
-        let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
-        let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.capacity) * EDGE_SLOTS)?;
-        let slots_of = |id: u32| edges.iter().skip(id as usize * EDGE_SLOTS as usize).take(EDGE_SLOTS as usize);
-        let place_of = |id: u32| ids.binary_search(&id).ok().map(|place| place as u32);
-        let mut found = Vec::new();
-        for (place, &id) in ids.iter().enumerate() {
-            for there in slots_of(id).filter(|edge| edge.serial != 0 && edge.neighbour > id) {
-                let back = slots_of(there.neighbour).find(|edge| edge.serial != 0 && edge.neighbour == id);
-                let (Some(back), Some(other)) = (back, place_of(there.neighbour)) else { continue };
-                if there.count <= 0.0 || back.count <= 0.0 {
-                    continue;
-                }
-                found.push(MeasuredDifference {
-                    ends: [place as u32, other],
-                    difference: std::array::from_fn(|i| there.difference[i] - back.difference[i]),
-                    variance: there.square / there.count + back.square / back.count,
-                    counts: [there.count, back.count],
-                });
-            }
-        }
-        Ok(found)
-    }
 }
 
 /// A living surfel as it is written to a point cloud.

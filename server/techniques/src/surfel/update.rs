@@ -3,18 +3,19 @@
 //! Everything is allocated by prefix sums in the order of ids and every sum runs in a fixed order, so a cache is a function
 //! of its settings, its seed and what was asked of it.
 
-use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, PassTime, Ticket};
+use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, Ticket};
 use surfelcast_shaders::constants::{SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
 
 use crate::passes::counters;
+use crate::passes::kernels::KernelSet;
 use crate::passes::lights::LightBuffers;
+use crate::passes::merge_passes;
 use crate::passes::upload::SceneBuffers;
 use crate::passes::workgroups_of;
-use crate::path::merge_passes;
 use crate::surfel::cache::{ENTRIES_PER_SURFEL, SurfelCache, UpdateStage};
-use crate::surfel::kernels::KernelSet;
+use crate::surfel::graph::SurfelGraph;
 use crate::surfel::settings::Initial;
 use crate::technique::{Step, TechniqueError};
 
@@ -428,7 +429,7 @@ impl SurfelCache {
             .read_write("candidates", &self.candidates)
             .read_write("slot_used", &self.slot_used)
             .read_write("counters", &self.counters)
-            .read_write("first_hits", self.graph.as_ref().map_or(&self.no_hits, |graph| &graph.first_hits))
+            .read_write("first_hits", self.graph.as_ref().and_then(SurfelGraph::first_hits).unwrap_or(&self.no_hits))
             .dispatch([range.div_ceil(64 * rays_per_thread(gpu)), 1, 1])?;
         self.record_shifts(&mut graph, work, frame, &uniforms)?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
@@ -521,9 +522,4 @@ pub(crate) fn count_rays(step: &mut Step, bytes: &[u8]) {
         *sum += counted;
     }
     step.non_finite += counts.non_finite;
-}
-
-/// For callers that only collect times.
-pub(crate) fn add_passes(step: &mut Step, passes: Vec<PassTime>) {
-    merge_passes(&mut step.passes, passes);
 }

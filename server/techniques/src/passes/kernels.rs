@@ -1,4 +1,4 @@
-//! Kernels of the technique in the variant that fits the scene, or the general one until that is compiled.
+//! Kernels of a technique in the variant that fits the scene, or the general one until that is compiled.
 
 use surfelcast_gpu::{Gpu, GpuError, Kernel};
 use surfelcast_shaders::Features;
@@ -10,14 +10,14 @@ pub(crate) struct KernelSet {
     features: Features,
     running: Features,
     kernels: Vec<Kernel>,
-    names: &'static [&'static str],
+    names: Vec<&'static str>,
 }
 
 impl KernelSet {
     /// The fitting variants, compiled now if `waits`; otherwise the general ones until those are ready.
     pub(crate) fn new(
         gpu: &Gpu,
-        names: &'static [&'static str],
+        names: Vec<&'static str>,
         features: Features,
         general: Features,
         waits: bool,
@@ -33,7 +33,7 @@ impl KernelSet {
         if self.running == self.features {
             return;
         }
-        for name in self.names {
+        for name in &self.names {
             gpu.prepare(name, self.features);
         }
         let ready: Option<Vec<Kernel>> =
@@ -58,7 +58,7 @@ impl KernelSet {
     pub(crate) fn get(&self, name: &str) -> Result<&Kernel, GpuError> {
         let index = self.names.iter().position(|known| *known == name);
         index.and_then(|index| self.kernels.get(index)).ok_or_else(|| GpuError::Validation {
-            context: "surfel kernels".to_owned(),
+            context: "kernels of a technique".to_owned(),
             message: format!("`{name}` is not among them"),
         })
     }
