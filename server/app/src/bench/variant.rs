@@ -69,7 +69,7 @@ impl VariantLists {
             if entry.uses_surfels {
                 made = each(&made, &reconstructions, |of, name| of.reconstruction = Some(name.clone()));
                 made = each(&made, &presets, |of, name| of.preset = Some(name.clone()));
-                made = each(&made, &knob_combinations(&self.knobs)?, |of, knobs| of.knobs = knobs.clone());
+                made = each(&made, &knob_combinations(&self.knobs)?, |of, knobs| of.knobs.clone_from(knobs));
                 made = each(&made, &starts, |of, start| of.start = *start);
             }
             for variant in &made {
