@@ -3,7 +3,7 @@
 //! The reference of the product: unbiased at any sample count, its error falls as one over the root of the samples. Light
 //! transport is described in `shaders/techniques/path/vertex.wesl`.
 //!
-//! Samples are taken in batches ([`crate::passes::batches`]).
+//! Samples are taken in batches (`passes/batches.rs`).
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::Features;
