@@ -8,6 +8,7 @@ pub mod first_surface;
 pub mod frame;
 pub(crate) mod kernels;
 pub mod lights;
+pub(crate) mod path_samples;
 pub mod poisson;
 pub mod scan;
 pub mod tone_map;

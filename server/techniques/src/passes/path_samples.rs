@@ -1,0 +1,118 @@
+//! Path-traced samples of a picture: one unbiased estimate for each pixel and no reuse between them.
+//!
+//! Light transport is described in `shaders/techniques/path/vertex.wesl`; samples are taken in batches (`batches.rs`).
+
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+
+use crate::passes::batches::Batches;
+use crate::passes::frame::FrameView;
+use crate::passes::kernels::KernelSet;
+use crate::passes::lights::LightBuffers;
+use crate::passes::upload::SceneBuffers;
+use crate::passes::{counters, workgroups_of};
+use crate::technique::{Step, StepBudget};
+
+/// The kernel that takes them.
+pub(crate) const KERNEL: &str = "path_trace";
+
+/// A picture's samples so far.
+pub(crate) struct PathSamples {
+    kernels: KernelSet,
+    seed: u64,
+    /// `vec4f` a pixel: mean radiance, sum of squared deviations of the samples' luminance. Lives as long as its owner.
+    accumulation: Buffer,
+    /// Rays by kind and samples that were not finite, of one dispatch.
+    counters: Buffer,
+    /// `vec4f` a pixel each: light that bounced at most once, and B. Only where asked for.
+    split: Option<(Buffer, Buffer)>,
+    batches: Batches,
+}
+
+impl PathSamples {
+    /// None yet, of a picture of that size. `kernels` has [`KERNEL`] in it.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        kernels: KernelSet,
+        size: [u32; 2],
+        is_split: bool,
+        seed: u64,
+    ) -> Result<Self, GpuError> {
+        let pixel_count = u64::from(size[0]) * u64::from(size[1]);
+        let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixel_count * 16);
+        let split =
+            if is_split { Some((view_buffer("split_direct")?, view_buffer("split_irradiance")?)) } else { None };
+        Ok(Self {
+            kernels,
+            seed,
+            accumulation: view_buffer("path_accumulation")?,
+            counters: counters::buffer(gpu)?,
+            split,
+            batches: Batches::new(size),
+        })
+    }
+
+    /// Takes the next samples that the budget allows and waits for them.
+    pub(crate) fn step(
+        &mut self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        budget: StepBudget,
+    ) -> Result<Step, GpuError> {
+        if !self.batches.begin(&budget) {
+            return Ok(Step { is_whole: true, ..Step::default() });
+        }
+        self.kernels.refresh(gpu);
+        let frame = view.uniforms(scene, lights, self.kernels.running(), self.seed);
+        let range = self.batches.range(frame, budget.max_paths);
+        let mut graph = gpu.graph("path");
+        graph.clear(&self.counters)?;
+        let mut pass = lights.bind(scene.bind(graph.pass(self.kernels.get(KERNEL)?)));
+        pass = pass
+            .uniform("frame", bytemuck::bytes_of(&range))
+            .read_write("accumulation", &self.accumulation)
+            .read_write("counters", &self.counters);
+        if let Some((direct, irradiance)) = &self.split {
+            pass = pass.read_write("split_direct", direct).read_write("split_irradiance", irradiance);
+        }
+        pass.dispatch(workgroups_of(range.pixel_count))?;
+        let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
+        let mut report = graph.submit()?.wait()?;
+        let counts = counters::sum(&report.take(ticket)?);
+
+        let paths = self.batches.advance(&range);
+        let is_whole = self.batches.is_traced();
+        if is_whole {
+            self.batches.finish();
+        }
+        Ok(Step { is_whole, paths, rays: counts.rays, non_finite: counts.non_finite, passes: report.passes })
+    }
+
+    /// Begins again from none.
+    pub(crate) const fn restart(&mut self) {
+        self.batches.restart();
+    }
+
+    /// Mean radiance (rgb) and squared deviations (w) by pixel.
+    pub(crate) const fn picture(&self) -> &Buffer {
+        &self.accumulation
+    }
+
+    /// Samples a pixel in whole batches.
+    pub(crate) const fn count(&self) -> u32 {
+        self.batches.samples()
+    }
+
+    /// Light that bounced at most once, and B.
+    pub(crate) fn split(&self) -> Option<(&Buffer, &Buffer)> {
+        self.split.as_ref().map(|(direct, irradiance)| (direct, irradiance))
+    }
+
+    /// Variant that fits the scene.
+    pub(crate) fn features(&self) -> Features {
+        self.kernels.features()
+    }
+}
