@@ -42,7 +42,7 @@ pub(crate) const SOLVE_KERNELS: &[&str] = &[
 ];
 
 /// Slots of edges for each surfel.
-const EDGE_SLOTS: u64 = 8;
+pub(crate) const EDGE_SLOTS: u64 = 8;
 /// Bytes of a shifted ray.
 const SHIFT_BYTES: u64 = 16;
 /// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
@@ -128,6 +128,16 @@ impl SurfelGraph {
             solve.shifts = cleared(gpu, "shifts", rays * SHIFT_BYTES)?;
         }
         Ok(())
+    }
+
+    /// What the next update goes on from and no other pass makes anew: 16 bytes a surfel each, of floats.
+    pub(crate) fn kept_numbers(&self) -> [&Buffer; 2] {
+        [&self.checkpoints, &self.solutions]
+    }
+
+    /// [`EDGE_SLOTS`] of `SurfelEdge` a surfel.
+    pub(crate) fn edges(&self) -> &Buffer {
+        &self.edges
     }
 
     /// Where rays first hit something, where anybody asks.

@@ -13,15 +13,16 @@ use sha2::{Digest as _, Sha256};
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
-use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
+use surfelcast_shaders::records::{SurfelEdge, SurfelLight, SurfelOutput, SurfelRecord};
 
 use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::SurfelCache;
+use crate::surfel::graph::EDGE_SLOTS;
 use crate::surfel::settings::SurfelSettings;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
 /// Raised whenever the meaning of a byte changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes before the compressed columns.
 const HEADER_BYTES: usize = 8 + 4 + 3 * 32 + 4 * 4;
 const HASH_BYTES: usize = 32;
@@ -51,22 +52,43 @@ pub enum SnapshotError {
     Gpu(#[from] GpuError),
 }
 
+/// What a column holds, as far as it is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    Records,
+    Lights,
+    Outputs,
+    /// Any bits will do.
+    Words,
+    /// Finite floats.
+    Numbers,
+    /// [`EDGE_SLOTS`] of `SurfelEdge`, whose neighbours are counted in the order of the ids.
+    Edges,
+}
+
 /// One column: everything about surfels in memory, by id.
 struct Column<'a> {
+    content: Content,
     buffer: &'a Buffer,
     bytes_each: usize,
 }
 
 impl SurfelCache {
-    fn columns(&self) -> [Column<'_>; 5] {
-        let column = |buffer, bytes_each| Column { buffer, bytes_each };
-        [
-            column(&self.records, size_of::<SurfelRecord>()),
-            column(&self.lights, size_of::<SurfelLight>()),
-            column(&self.outputs, size_of::<SurfelOutput>()),
-            column(&self.tiles, SURFEL_TILE_WORDS as usize * 4),
-            column(&self.flags, 4),
-        ]
+    fn columns(&self) -> Vec<Column<'_>> {
+        let column = |content, buffer, bytes_each| Column { content, buffer, bytes_each };
+        let mut columns = vec![
+            column(Content::Records, &self.records, size_of::<SurfelRecord>()),
+            column(Content::Lights, &self.lights, size_of::<SurfelLight>()),
+            column(Content::Outputs, &self.outputs, size_of::<SurfelOutput>()),
+            column(Content::Words, &self.tiles, SURFEL_TILE_WORDS as usize * 4),
+            column(Content::Words, &self.flags, 4),
+        ];
+        if let Some(graph) = &self.graph {
+            columns.extend(graph.kept_numbers().map(|buffer| column(Content::Numbers, buffer, 16)));
+            let edge_bytes = EDGE_SLOTS as usize * size_of::<SurfelEdge>();
+            columns.push(column(Content::Edges, graph.edges(), edge_bytes));
+        }
+        columns
     }
 
     /// The living surfels as bytes.
@@ -82,12 +104,16 @@ impl SurfelCache {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
         let mut encoder = ZlibEncoder::new(bytes, Compression::fast());
-        for Column { buffer, bytes_each } in self.columns() {
+        for Column { content, buffer, bytes_each } in self.columns() {
             let all: Vec<u8> = read(gpu, buffer, u64::from(self.capacity) * bytes_each as u64)?;
             for &id in &ids {
                 let start = id as usize * bytes_each;
+                let own = all.get(start..start + bytes_each).unwrap_or_default();
                 // Writing to memory cannot fail.
-                let _ = encoder.write_all(all.get(start..start + bytes_each).unwrap_or_default());
+                let _ = match content {
+                    Content::Edges => encoder.write_all(&renumbered(own, &ids)),
+                    _ => encoder.write_all(own),
+                };
             }
         }
         let mut bytes = encoder.finish().unwrap_or_default();
@@ -126,25 +152,10 @@ impl SurfelCache {
         if decoded.is_err() || columns.len() != expected {
             return Err(SnapshotError::Damaged("its columns do not unpack to the size it states"));
         }
-        let record_bytes = size_of::<SurfelRecord>() * live as usize;
-        check_records(&bytemuck::pod_collect_to_vec(&columns[..record_bytes]), scene)?;
-        let light_bytes = record_bytes + size_of::<SurfelLight>() * live as usize;
-        let output_bytes = light_bytes + size_of::<SurfelOutput>() * live as usize;
-        check_lights(&bytemuck::pod_collect_to_vec(&columns[record_bytes..light_bytes]))?;
-        let outputs: Vec<SurfelOutput> = bytemuck::pod_collect_to_vec(&columns[light_bytes..output_bytes]);
-        let is_sound = |output: &SurfelOutput| {
-            let [rays, variance] = [output.ray_count, output.variance];
-            // Halves of which all exponent bits are set are no numbers.
-            let halves = output.gradient.iter().flat_map(|word| [word & 0x7fff, word >> 16 & 0x7fff]);
-            output.indirect.iter().chain(&output.direct).chain(&[rays, variance]).all(|value| value.is_finite())
-                && halves.into_iter().all(|half| half & 0x7c00 != 0x7c00)
-        };
-        if !outputs.iter().all(is_sound) {
-            return Err(SnapshotError::Damaged("a surfel's light is no number"));
-        }
         let mut rest = columns.as_slice();
-        for Column { buffer, bytes_each } in cache.columns() {
+        for Column { content, buffer, bytes_each } in cache.columns() {
             let (column, behind) = rest.split_at(bytes_each * live as usize);
+            check(content, column, live, scene)?;
             gpu.upload(buffer, 0, column)?;
             rest = behind;
         }
@@ -204,39 +215,80 @@ impl Header {
     }
 }
 
-/// No index may lead a kernel out of a buffer, no value may poison a mean.
-fn check_records(records: &[SurfelRecord], scene: &SceneBuffers) -> Result<(), SnapshotError> {
-    let [triangles, instances] = scene.attachment_counts();
-    let is_sound = |record: &SurfelRecord| {
-        record.bvh_triangle < triangles
-            && record.instance < instances
-            && record.level <= 31
-            && record.radius > 0.0
-            && record.position.iter().chain(&record.barycentrics).chain(&[record.radius]).all(|v| v.is_finite())
-    };
-    if records.iter().all(is_sound) {
-        Ok(())
-    } else {
-        Err(SnapshotError::Damaged("a surfel lies nowhere in the scene"))
+/// A surfel's edges with neighbours counted in the order of the ids; slots of surfels that are gone are empty.
+fn renumbered(own: &[u8], ids: &[u32]) -> Vec<u8> {
+    let mut edges: Vec<SurfelEdge> = bytemuck::pod_collect_to_vec(own);
+    for edge in &mut edges {
+        match ids.binary_search(&edge.neighbour) {
+            Ok(place) if edge.serial != 0 => edge.neighbour = place as u32,
+            _ => {
+                *edge =
+                    SurfelEdge { neighbour: 0, serial: 0, count: 0.0, square: 0.0, difference: [0.0; 3], padding: 0 }
+            }
+        }
     }
+    bytemuck::cast_slice(&edges).to_vec()
 }
 
-fn check_lights(lights: &[SurfelLight]) -> Result<(), SnapshotError> {
-    let is_sound = |light: &SurfelLight| {
-        let scalars = [
-            light.ray_count,
-            light.variance,
-            light.short_mean,
-            light.drift,
-            light.age,
-            light.guide_scale,
-            light.short_variance,
-            light.blend_ratio,
-            light.fresh_rays,
-        ];
-        light.indirect.iter().chain(&light.direct).chain(&scalars).all(|value| value.is_finite())
+/// No index may lead a kernel out of a buffer, no value may poison a mean.
+fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Result<(), SnapshotError> {
+    let all_finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+    let is_sound = match content {
+        Content::Words => true,
+        Content::Numbers => all_finite(&bytemuck::pod_collect_to_vec::<u8, f32>(column)),
+        Content::Records => {
+            let [triangles, instances] = scene.attachment_counts();
+            let is_sound = |record: &SurfelRecord| {
+                record.bvh_triangle < triangles
+                    && record.instance < instances
+                    && record.level <= 31
+                    && record.radius > 0.0
+                    && all_finite(&record.position)
+                    && all_finite(&record.barycentrics)
+                    && record.radius.is_finite()
+            };
+            if !bytemuck::pod_collect_to_vec(column).iter().all(is_sound) {
+                return Err(SnapshotError::Damaged("a surfel lies nowhere in the scene"));
+            }
+            true
+        }
+        Content::Lights => bytemuck::pod_collect_to_vec(column).iter().all(|light: &SurfelLight| {
+            let scalars = [
+                light.ray_count,
+                light.variance,
+                light.short_mean,
+                light.drift,
+                light.age,
+                light.guide_scale,
+                light.short_variance,
+                light.blend_ratio,
+                light.fresh_rays,
+            ];
+            all_finite(&light.indirect) && all_finite(&light.direct) && all_finite(&scalars)
+        }),
+        Content::Outputs => bytemuck::pod_collect_to_vec(column).iter().all(|output: &SurfelOutput| {
+            // Halves of which all exponent bits are set are no numbers.
+            let mut halves = output.gradient.iter().flat_map(|word| [word & 0x7fff, word >> 16 & 0x7fff]);
+            all_finite(&output.indirect)
+                && all_finite(&output.direct)
+                && all_finite(&[output.ray_count, output.variance])
+                && halves.all(|half| half & 0x7c00 != 0x7c00)
+        }),
+        Content::Edges => {
+            let is_sound = |edge: &SurfelEdge| {
+                edge.neighbour < live.max(1)
+                    && all_finite(&edge.difference)
+                    && all_finite(&[edge.count, edge.square])
+                    && edge.count >= 0.0
+                    && edge.square >= 0.0
+            };
+            if !bytemuck::pod_collect_to_vec(column).iter().all(is_sound) {
+                return Err(SnapshotError::Damaged("an edge between surfels leads nowhere"));
+            }
+            true
+        }
     };
-    if lights.iter().all(is_sound) { Ok(()) } else { Err(SnapshotError::Damaged("a surfel's light is no number")) }
+    if is_sound { Ok(()) } else { Err(SnapshotError::Damaged("a surfel's light is no number")) }
 }
 
 fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {

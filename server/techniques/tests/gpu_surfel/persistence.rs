@@ -51,6 +51,21 @@ fn the_first_frame_after_a_restart_is_the_converged_one() {
 }
 
 #[test]
+fn what_edges_have_learnt_outlives_the_process() {
+    let gpu = gpu();
+    let scene = scene(&room(), 0.0);
+    let rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 12);
+    let cache = rig.session.surfels().unwrap();
+    let learnt = cache.lock().measured_differences(&gpu).unwrap();
+    assert!(learnt.len() > 500, "{} differences", learnt.len());
+    let bytes = cache.lock().save(&gpu, &IDENTITY).unwrap();
+    let restored = SurfelCache::restore(&gpu, &rig.buffers, SETTINGS, SIZE[0] * SIZE[1], 5, &IDENTITY, &bytes).unwrap();
+    assert_eq!(restored.measured_differences(&gpu).unwrap(), learnt);
+}
+
+#[test]
 fn damaged_and_foreign_files_are_refused_and_the_cache_is_made_anew() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
