@@ -58,6 +58,10 @@ pub(crate) enum UpdateStage {
     },
 }
 
+/// One surfel in so many must be new before edges are laid for them, unless some have waited for so many updates.
+const EDGE_BIRTH_SHARE: u32 = 32;
+const EDGE_UPDATES: u32 = 4;
+
 /// Surfels of one session in device memory.
 #[derive(Debug)]
 pub struct SurfelCache {
@@ -128,10 +132,20 @@ pub struct SurfelCache {
     exposure: f32,
     /// Living surfels are not in the grid yet: the cache was just read from disk.
     pub(crate) is_unfiled: bool,
-    /// Surfels were born or went since edges were last laid.
-    pub(crate) has_stale_edges: bool,
+    /// When edges were last laid.
+    pub(crate) edges_laid: EdgesLaid,
     /// The light changed: lights are cut down before the next update.
     pub(crate) is_relit: bool,
+}
+
+/// State of the cache when edges were last laid.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct EdgesLaid {
+    update: u32,
+    live: u32,
+    next_serial: u32,
+    /// Surfels have gone since the cache was made: ids are used again, and what lies in their slots is of others.
+    has_reused_ids: bool,
 }
 
 fn buffer_of<T>(gpu: &Gpu, label: &str, count: u64) -> Result<Buffer, GpuError> {
@@ -200,7 +214,7 @@ impl SurfelCache {
             has_stale_pins: false,
             exposure: 1.0,
             is_unfiled: false,
-            has_stale_edges: true,
+            edges_laid: EdgesLaid::default(),
             is_relit: false,
         };
         let mut graph = gpu.graph("surfel_cache");
@@ -275,6 +289,24 @@ impl SurfelCache {
         self.is_relit = true;
         self.is_settled = false;
         self.calm_updates = 0;
+    }
+
+    /// Whether edges have to be laid anew, which takes note of it: at once where surfels went, for births when they are many or
+    /// have waited for a few updates. A surfel without edges shows its own mean meanwhile.
+    pub(crate) fn takes_new_edges(&mut self) -> bool {
+        let laid = self.edges_laid;
+        let births = self.next_serial.wrapping_sub(laid.next_serial);
+        let has_deaths = self.live < laid.live.saturating_add(births);
+        let is_first = laid.next_serial == 0;
+        let has_reused_ids = !is_first && has_deaths || laid.has_reused_ids;
+        let is_many = births.saturating_mul(EDGE_BIRTH_SHARE) >= self.live;
+        let is_old = self.update.wrapping_sub(laid.update) >= EDGE_UPDATES;
+        let is_due = is_first || has_deaths || births > 0 && (is_many || is_old || has_reused_ids);
+        if is_due {
+            let (update, live, next_serial) = (self.update, self.live, self.next_serial);
+            self.edges_laid = EdgesLaid { update, live, next_serial, has_reused_ids };
+        }
+        is_due
     }
 
     /// Makes room for so many rays and candidates.

@@ -272,7 +272,6 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .read_write("grid", &self.grid)
             .dispatch(workgroups_of(self.grid_shape.slots))?;
-        self.has_stale_edges = true;
         let mut report = graph.submit()?.wait()?;
         if let Some(levels) = levels {
             self.levels = u32_of(&report.take(levels)?);
@@ -341,9 +340,8 @@ impl SurfelCache {
         let uniforms = self.uniforms(ray_budget);
         let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_requests");
-        if self.has_stale_edges {
+        if self.takes_new_edges() {
             self.record_edges(&mut graph, kernels)?;
-            self.has_stale_edges = false;
         }
         if self.is_relit {
             graph
