@@ -82,6 +82,14 @@ bench-densities: build ## Error by capacity and density of surfels, written into
 bench-peers: build ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
 	$(SURFELCAST) bench error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
+.PHONY: bench-settling
+bench-settling: build ## Error of a picture that settles beside its two halves, written into BENCHMARKS.md
+	$(SURFELCAST) bench error --study settling --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
+.PHONY: bench-reconstructions
+bench-reconstructions: build ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
+	$(SURFELCAST) bench error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
 .PHONY: bench-scale
 bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md
 	$(SURFELCAST) bench scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)

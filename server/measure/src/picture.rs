@@ -57,6 +57,13 @@ impl Picture {
         Self { size: [pixels.len(), 1], pixels }
     }
 
+    /// The average of two pictures of one size.
+    pub fn mean_with(&self, other: &Self) -> Self {
+        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "pictures of one size are averaged");
+        let average = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| f64::midpoint(a[i], b[i]));
+        Self { size: self.size, pixels: self.pixels.iter().zip(&other.pixels).map(average).collect() }
+    }
+
     /// Mean of all pixels and channels.
     pub fn mean(&self) -> f64 {
         self.pixels.iter().flatten().sum::<f64>() / (3 * self.pixels.len()) as f64

@@ -103,7 +103,13 @@ impl Renderer {
         Ok(Self { program, technique: technique.to_owned(), arguments: Vec::new() })
     }
 
-    /// Renders a reference's picture.
+    /// Renders a reference's picture; returns it and the rays of all kinds that it took.
+    pub fn picture(&self, reference: &Reference, samples: u32, seed: u64) -> Result<(Picture, f64)> {
+        let folder = tempfile::tempdir()?;
+        let (picture, stats) = self.render(reference, samples, seed, folder.path())?;
+        Ok((picture, rays_of(&stats)))
+    }
+
     fn render(&self, reference: &Reference, samples: u32, seed: u64, folder: &Path) -> Result<(Picture, Value)> {
         let (image, stats) = (folder.join("picture.exr"), folder.join("stats.json"));
         let [width, height] = reference.size;
@@ -144,9 +150,6 @@ impl Renderer {
         let exposure = reference.exposure;
         let mse = f64::midpoint(first.tone_mapped_mse(&truth, exposure), second.tone_mapped_mse(&truth, exposure));
         let audited = |stats: &Value| stats["error_estimate"]["rmse_tonemapped"].as_f64().unwrap_or(0.0).powi(2);
-        let rays_of = |stats: &Value| {
-            ["primary", "secondary", "shadow"].iter().filter_map(|kind| stats["rays"][kind].as_f64()).sum::<f64>()
-        };
         let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
 
         // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
@@ -167,6 +170,10 @@ impl Renderer {
             surfels: first_stats["surfels"]["live"].as_u64().unwrap_or(0),
         })
     }
+}
+
+fn rays_of(stats: &Value) -> f64 {
+    ["primary", "secondary", "shadow"].iter().filter_map(|kind| stats["rays"][kind].as_f64()).sum()
 }
 
 /// Largest relative distance of a mean from the colour it must have. A pixel belongs to a colour when its reference is

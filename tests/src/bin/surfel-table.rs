@@ -1,6 +1,6 @@
 //! Measures the surfel cache against references and against path tracing at equal rays, and writes the tables into a document.
 //!
-//! `surfel-table DOCUMENT [--only NAME-PART]`; `-` as document prints them.
+//! `surfel-table DOCUMENT [--only NAME-PART]`; `-` as document prints them. The cache is measured alone: pictures do not settle.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command talks to its terminal")]
 
 use std::fmt::Write as _;
@@ -8,7 +8,7 @@ use std::fs;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use surfelcast_tests::accuracy::{Point, Reference, Renderer, replace_between_markers, shared_folder};
+use surfelcast_tests::accuracy::{Mode, Picture, Point, Reference, Renderer, replace_between_markers, shared_folder};
 
 /// References of the gates, each with the tone-mapped RMSE it may have once converged.
 const GATES: [(&str, f64); 8] = [
@@ -23,14 +23,51 @@ const GATES: [(&str, f64); 8] = [
 ];
 /// Frames of an early picture and of a later one.
 const FRAMES: [u32; 2] = [32, 64];
+/// Samples a pixel of each of the two path-traced pictures whose mean is the truth of indirect light.
+const TRUTH_SAMPLES: u32 = 128;
 /// Radii in pixels whose cost and error are compared, on one reference.
 const RADII: [f32; 4] = [2.0, 3.0, 5.0, 8.0];
 const RADII_REFERENCE: &str = "bars_main_lambert";
 
 fn surfel(arguments: &[&str]) -> Result<Renderer> {
     let mut renderer = Renderer::find("surfel")?;
-    renderer.arguments = arguments.iter().map(|&word| word.to_owned()).collect();
+    renderer.arguments = ["--surfel", "settling=0"].iter().chain(arguments).map(|&word| word.to_owned()).collect();
     Ok(renderer)
+}
+
+/// Indirect light at every reference with Lambertian materials, against path tracing's own; whole pictures at the others.
+fn indirect_light(only: &str, references: &[Reference]) -> Result<String> {
+    let mut text =
+        String::from("| reference | light | 32 frames | path, equal rays | ratio |\n|---|---|---|---|---|\n");
+    for reference in references.iter().filter(|one| one.mode != Mode::Indirect && one.name.contains(only)) {
+        let is_lambert = reference.mode == Mode::Lambert;
+        let words: &[&str] = if is_lambert { &["--aov", "indirect"] } else { &[] };
+        let mut path = Renderer::find("path")?;
+        path.arguments = words.iter().map(|&word| word.to_owned()).collect();
+        let (truth, noise) = if is_lambert {
+            let [a, b] = [11, 12].map(|seed| path.picture(reference, TRUTH_SAMPLES, seed));
+            let (a, b) = (a?.0, b?.0);
+            // The mean of both has half the noise of their difference.
+            let noise = a.tone_mapped_mse(&b, reference.exposure) / 4.0;
+            (a.mean_with(&b), noise)
+        } else {
+            (Picture::read_exr(&reference.image)?, reference.noise_rmse.powi(2))
+        };
+        let truth = truth.without(&reference.masked);
+        let error = |picture: Picture| {
+            (picture.without(&reference.masked).tone_mapped_mse(&truth, reference.exposure) - noise).max(0.0).sqrt()
+        };
+        let (ours, rays) = surfel(words)?.picture(reference, FRAMES[0], 1)?;
+        let (_, rays_each) = path.picture(reference, 1, 1)?;
+        let samples = (rays / rays_each).round().max(1.0) as u32;
+        let (ours, theirs) = (error(ours), error(path.picture(reference, samples, 1)?.0));
+        let light = if is_lambert { "indirect" } else { "all" };
+        let ratio = if theirs > 1e-4 { format!("{:.2}", ours / theirs) } else { "-".to_owned() };
+        let row = format!("| {} | {light} | {ours:.4} | {theirs:.4} ({samples} spp) | {ratio} |", reference.name);
+        eprintln!("{row}");
+        writeln!(text, "{row}")?;
+    }
+    Ok(text)
 }
 
 /// Path tracing with as many rays as `rays`: one sample a pixel tells how many a sample takes.
@@ -114,6 +151,7 @@ fn run() -> Result<()> {
     if only.is_empty() {
         write!(text, "\nOn {RADII_REFERENCE}, by the size of surfels:\n\n{}", over_radii(&references)?)?;
     }
+    write!(text, "\nIndirect light at every reference:\n\n{}", indirect_light(&only, &references)?)?;
     if document == "-" {
         print!("{text}");
     } else {

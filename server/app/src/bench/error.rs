@@ -9,19 +9,21 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use surfelcast_gpu::Gpu;
-use surfelcast_measure::{Picture, flip, shared_folder, split_error};
+use surfelcast_measure::{Picture, Reference, flip, shared_folder, split_error};
 use surfelcast_techniques::{SessionState, SurfelSettings, registry};
 
 use crate::bench::case::{Case, Truth, Wanted};
 use crate::bench::record::{Curve, Key, Point, Record};
 use crate::bench::stage::{Cost, Stage, camera_aside};
 use crate::bench::variant::{Start, VariantLists};
-use crate::bench::{OutputArgs, device_name, peers, progress_bar, tables};
+use crate::bench::{OutputArgs, comparisons, device_name, peers, progress_bar, tables};
 use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids};
 use crate::failure::Failure;
 
 /// References that other renderers were measured on as well.
 const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small", "sponza", "classroom"];
+/// Stands for all references.
+const EVERY_REFERENCE: &str = "references";
 /// Scenes where there are no references.
 const BUILT_IN: [&str; 2] = ["demo:cornell_box", "demo:interior"];
 /// Frames of the camera before, where the cache is warm: until it has settled in all but the noisiest places.
@@ -44,6 +46,10 @@ enum Study {
     Densities,
     /// Seconds to an error beside those of other renderers, from an empty cache and from a warm one.
     Peers,
+    /// A picture that settles beside the cache alone and path tracing, at equal seconds.
+    Settling,
+    /// Reconstructions and path tracing at equal rays.
+    Reconstructions,
 }
 
 #[derive(Debug, Args)]
@@ -52,7 +58,7 @@ pub(crate) struct ErrorArgs {
     #[arg(long, value_enum, default_value_t = Study::Error)]
     study: Study,
     /// Name of a reference or of a scene that has one, a scene file, or a built-in scene such as demo:cornell_box; may be
-    /// given several times.
+    /// given several times. `references` stands for every reference there is.
     #[arg(long = "scene", value_name = "SCENE")]
     scenes: Vec<String>,
     /// Camera by name; the first by default.
@@ -113,6 +119,8 @@ impl Study {
             Self::Presets => "presets",
             Self::Densities => "densities",
             Self::Peers => "peers",
+            Self::Settling => "settling",
+            Self::Reconstructions => "reconstructions",
         }
     }
 
@@ -123,6 +131,8 @@ impl Study {
             Self::Presets => (64, 2),
             Self::Densities => (32, 2),
             Self::Peers => (256, 2),
+            Self::Settling => (1024, 2),
+            Self::Reconstructions => (128, 2),
         }
     }
 
@@ -146,9 +156,18 @@ impl Study {
                     lists.starts = vec![Start::Empty, Start::Warm];
                 }
             }
+            Self::Settling => {
+                lists.techniques = or(&asked.techniques, &["surfel", "path"]);
+                lists.knobs = or(&asked.knobs, &["settling=1,0"]);
+            }
+            // Without settling, and without borrowing from neighbours in place of a reconstruction: what each says itself.
+            Self::Reconstructions => {
+                lists.techniques = or(&asked.techniques, &["surfel", "path"]);
+                lists.knobs = or(&asked.knobs, &["settling=0", "sharing=0"]);
+            }
         }
         // One reconstruction is enough for the questions that are about something else.
-        if self != Self::Error && asked.reconstructions.is_empty() {
+        if !matches!(self, Self::Error | Self::Reconstructions) && asked.reconstructions.is_empty() {
             lists.reconstructions = words(&[SurfelSettings::default().reconstruction.name()]);
         }
         lists
@@ -169,7 +188,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
     args.output.check_table(study.name())?;
     let peers = peers::read(&args.peers)?;
     let shared = shared_folder(Path::new(".."));
-    let scenes = scenes(args, shared.is_some())?;
+    let scenes = scenes(args, shared.as_deref())?;
 
     let gpu = args.output.gpu()?;
     let folder = &args.output.out;
@@ -231,14 +250,20 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         Study::Presets => tables::presets(&curves),
         Study::Densities => tables::densities(&curves),
         Study::Peers => peers::table(&curves, &peers),
+        Study::Settling => comparisons::settling(&curves),
+        Study::Reconstructions => comparisons::reconstructions(&curves),
     };
     args.output.publish(study.name(), &(text + &refusals))
 }
 
 /// Scenes asked for, else those with references, else the built-in ones.
-fn scenes(args: &ErrorArgs, has_references: bool) -> Result<Vec<String>, Failure> {
+fn scenes(args: &ErrorArgs, shared: Option<&Path>) -> Result<Vec<String>, Failure> {
+    let has_references = shared.is_some();
     if args.reference.is_some() && args.scenes.len() != 1 {
         return Err(Failure::input("--reference is the truth of one picture: give one --scene with it"));
+    }
+    if let (Some(shared), true) = (shared, args.scenes.iter().any(|scene| scene == EVERY_REFERENCE)) {
+        return Ok(Reference::read_all(shared)?.into_iter().map(|reference| reference.name).collect());
     }
     let default: &[&str] = match args.study {
         _ if !args.scenes.is_empty() => return Ok(args.scenes.clone()),

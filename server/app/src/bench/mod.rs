@@ -1,6 +1,7 @@
 //! `surfelcast bench`: what the product promises in numbers, measured.
 
 mod case;
+mod comparisons;
 mod error;
 mod peers;
 mod poisson;

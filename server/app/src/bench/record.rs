@@ -85,6 +85,16 @@ impl Curve {
         cost_to_error(&self.points.iter().map(|point| (point.secs, point.error)).collect::<Vec<_>>(), goal)
     }
 
+    /// Error at a cost between that of the first and that of the last budget, on straight lines in logarithms.
+    pub(crate) fn error_at(&self, cost: impl Fn(&Point) -> f64, at: f64) -> Option<f64> {
+        self.points.windows(2).find_map(|pair| {
+            let [low, high] = [cost(&pair[0]), cost(&pair[1])];
+            let share = if high > low { (at / low).ln() / (high / low).ln() } else { 0.0 };
+            let is_between = low > 0.0 && (low..=high).contains(&at) && pair[0].error > 0.0 && pair[1].error > 0.0;
+            is_between.then(|| pair[0].error.powf(1.0 - share) * pair[1].error.powf(share))
+        })
+    }
+
     /// Rays of all kinds to an error.
     pub(crate) fn rays_to(&self, goal: f64) -> Option<Reached> {
         cost_to_error(&self.points.iter().map(|point| (point.rays(), point.error)).collect::<Vec<_>>(), goal)
@@ -241,6 +251,16 @@ pub(crate) mod tests {
         std::fs::write(&path, "[1]").unwrap();
         assert!(matches!(Record::open(&path), Err(Failure::Input(_))));
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn errors_at_a_cost_are_read_off_a_curve() {
+        let curve = curve("scene_main_lambert", "path", 0.5);
+        let error = curve.error_at(|point| point.secs, 4.0).unwrap();
+        assert!((error - 0.1 / 8_f64.sqrt()).abs() < 1e-9, "{error}");
+        assert_eq!(curve.error_at(|point| point.secs, 0.4), None);
+        assert_eq!(curve.error_at(|point| point.secs, 33.0), None);
+        assert!(curve.error_at(Point::rays, 6400.0).is_some());
     }
 
     #[test]

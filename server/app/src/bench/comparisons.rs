@@ -1,0 +1,140 @@
+//! Tables of one way to render beside others at the same cost.
+
+use std::fmt::Write as _;
+
+use crate::bench::record::{Curve, Point};
+use crate::bench::tables::{by_case, conditions};
+
+/// Rays a pixel at which reconstructions are compared.
+const RAYS_PER_PIXEL: [f64; 6] = [8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
+
+fn surfels<'a>(of_case: &[&'a Curve], is_it: impl Fn(&Curve) -> bool) -> Option<&'a Curve> {
+    of_case.iter().find(|curve| curve.key.variant.technique == "surfel" && is_it(curve)).copied()
+}
+
+fn paths<'a>(of_case: &[&'a Curve]) -> Option<&'a Curve> {
+    of_case.iter().find(|curve| curve.key.variant.technique == "path").copied()
+}
+
+fn has_knob(curve: &Curve, knob: &str) -> bool {
+    curve.key.variant.knobs.iter().any(|own| own == knob)
+}
+
+/// Each picture while it settles: its error at every budget over the lesser of the cache's and the path tracer's after the
+/// same seconds.
+pub(super) fn settling(curves: &[Curve]) -> String {
+    let mut text = conditions(curves)
+        + "| picture | worst over the better of both | at s | samples | last: samples | s | RMSE | cache alone | path | slope |\n\
+           |---|---|---|---|---|---|---|---|---|---|\n";
+    for (case, of_case) in by_case(curves) {
+        let settled = surfels(&of_case, |curve| !has_knob(curve, "settling=0"));
+        let cache = surfels(&of_case, |curve| has_knob(curve, "settling=0"));
+        let (Some(settled), Some(cache), Some(path)) = (settled, cache, paths(&of_case)) else { continue };
+        let secs = |point: &Point| point.secs;
+        // A cache that has nothing left to gain may be done before the last picture; its error stays.
+        let of_cache = |at: f64| {
+            let last = cache.points.last().filter(|last| at > last.secs);
+            last.map(|last| last.error).or_else(|| cache.error_at(secs, at))
+        };
+        let over_better = |point: &Point| {
+            let others = [of_cache(point.secs), path.error_at(secs, point.secs)];
+            let better = others.into_iter().flatten().min_by(f64::total_cmp)?;
+            (better > 0.0).then_some(point.error / better)
+        };
+        let ratios = settled.points.iter().filter_map(|point| Some((point, over_better(point)?)));
+        let worst = ratios.max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some(last) = settled.points.last() else { continue };
+        let slope = settled.points.iter().rev().nth(2).filter(|point| point.error > 0.0 && last.error > 0.0);
+        let slope = slope.map(|point| (last.error / point.error).ln() / (last.secs / point.secs).ln());
+        let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
+        let (ratio, at, samples) = match worst {
+            Some((point, ratio)) => (format!("{ratio:.2}"), format!("{:.2}", point.secs), point.samples.to_string()),
+            None => ("-".to_owned(), "-".to_owned(), "-".to_owned()),
+        };
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "| {case} | {ratio} | {at} | {samples} | {} | {:.2} | {:.4} | {} | {} | {} |",
+            last.samples,
+            last.secs,
+            last.error,
+            number(of_cache(last.secs)),
+            number(path.error_at(secs, last.secs)),
+            slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}")),
+        );
+    }
+    text
+}
+
+/// The solve over each of the others at equal rays, differences' rays counted.
+pub(super) fn reconstructions(curves: &[Curve]) -> String {
+    let heads: Vec<_> = RAYS_PER_PIXEL.iter().map(|rays| format!("{rays} rays a pixel")).collect();
+    let mut text = conditions(curves);
+    let _ = writeln!(
+        text,
+        "| picture | RMSE of poisson over | {} |\n|---|---|{}",
+        heads.join(" | "),
+        "---|".repeat(heads.len())
+    );
+    for (case, of_case) in by_case(curves) {
+        let named = |name: &str| surfels(&of_case, |curve| curve.key.variant.reconstruction.as_deref() == Some(name));
+        let Some(poisson) = named("poisson") else { continue };
+        let pixels = f64::from(poisson.key.size[0]) * f64::from(poisson.key.size[1]);
+        let others = [("none", named("none")), ("regression", named("regression")), ("path", paths(&of_case))];
+        for (row, (name, other)) in others.into_iter().enumerate() {
+            let Some(other) = other else { continue };
+            let cells: Vec<_> = RAYS_PER_PIXEL
+                .iter()
+                .map(|rays| {
+                    let [ours, theirs] = [poisson, other].map(|curve| curve.error_at(Point::rays, rays * pixels));
+                    match (ours, theirs) {
+                        (Some(ours), Some(theirs)) => format!("{:.2}", ours / theirs),
+                        _ => "-".to_owned(),
+                    }
+                })
+                .collect();
+            let _ = writeln!(text, "| {} | {name} | {} |", if row == 0 { case } else { "" }, cells.join(" | "));
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::record::tests::curve;
+
+    fn surfel(knob: &str, reconstruction: &str, factor: f64) -> Curve {
+        let mut one = curve("a_main_lambert", "surfel", 0.5);
+        one.key.variant.knobs = vec![knob.to_owned()];
+        one.key.variant.reconstruction = Some(reconstruction.to_owned());
+        for point in &mut one.points {
+            point.error *= factor;
+        }
+        one
+    }
+
+    #[test]
+    fn settling_is_judged_by_the_better_of_both() {
+        let curves = [
+            surfel("settling=1", "poisson", 0.6),
+            surfel("settling=0", "poisson", 0.5),
+            curve("a_main_lambert", "path", 0.5),
+        ];
+        let text = settling(&curves);
+        assert!(text.contains("| a_main_lambert | 1.20 | "), "{text}");
+        assert!(text.trim_end().ends_with("-0.50 |"), "{text}");
+    }
+
+    #[test]
+    fn reconstructions_are_compared_at_equal_rays() {
+        let curves = [
+            surfel("settling=0", "none", 1.0),
+            surfel("settling=0", "poisson", 0.5),
+            curve("a_main_lambert", "path", 0.5),
+        ];
+        let text = reconstructions(&curves);
+        assert!(text.contains("| a_main_lambert | none | "), "{text}");
+        assert!(text.contains("0.50"), "{text}");
+    }
+}
