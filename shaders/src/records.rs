@@ -255,6 +255,26 @@ crate::gpu_structs! {
         pub padding: u32,
     }
 
+    /// Uniforms of the passes that weigh a picture from the cache and a path-traced one, 32 bytes.
+    pub struct SettleUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Path-traced samples a pixel.
+        pub path_samples: f32,
+        /// Samples a pixel that the combined picture is said to have.
+        pub shown_samples: f32,
+        /// Factor on the paths' noise.
+        pub caution: f32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+    }
+
     /// Range of a prefix sum, 16 bytes.
     pub struct ScanUniforms {
         /// Values.

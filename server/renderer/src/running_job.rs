@@ -117,7 +117,7 @@ impl RunningJob {
                 return Err(RendererError::Unsupported(format!("aov: technique {} has no {what}", job.technique)));
             }
         }
-        let is_biased = matches!(entry.conformance, Conformance::Biased { .. });
+        let is_biased = matches!((entry.conformance)(&job.surfel), Conformance::Biased { .. });
         let audited = technique.features().set(surfelcast_shaders::Feature::Split, false);
         let audit = (job.aov.is_none()).then(|| Audit::new(gpu, audited, job.size, job.seed)).transpose()?;
         Ok(Self {

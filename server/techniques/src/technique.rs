@@ -177,8 +177,8 @@ pub struct TechniqueEntry {
     pub label: &'static str,
     /// One sentence.
     pub summary: &'static str,
-    /// What is promised.
-    pub conformance: Conformance,
+    /// What is promised of a picture with these settings.
+    pub conformance: fn(&SurfelSettings) -> Conformance,
     /// Kernels that a picture with these settings runs, for compilation ahead of use.
     pub kernels: fn(&SurfelSettings) -> Vec<&'static str>,
     /// Whether it draws on the surfel cache: presets, knobs and reconstruction mean nothing to others.

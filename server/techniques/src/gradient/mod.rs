@@ -30,7 +30,7 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     id: "gradient",
     label: "Gradient domain",
     summary: "Path tracing of pixels and of their differences, and the picture that fits both in least squares.",
-    conformance: Conformance::Unbiased,
+    conformance: |_| Conformance::Unbiased,
     kernels: |_| KERNELS.to_vec(),
     uses_surfels: false,
     needs: |_| Ok(()),
@@ -44,7 +44,7 @@ pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
     id: "gradient_l1",
     label: "Gradient domain, robust",
     summary: "The same by absolute instead of squared residuals: outliers fade, at the price of a small bias.",
-    conformance: Conformance::Consistent,
+    conformance: |_| Conformance::Consistent,
     create: |gpu, scene, lights, _, options| {
         let norm = Norm::L1 { rounds: L1_ROUNDS, scale: 1.0 };
         Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(norm))?))

@@ -14,6 +14,7 @@ mod grid;
 mod look;
 mod reuse;
 mod settings;
+mod settle;
 mod snapshot;
 mod splat;
 mod update;
@@ -42,6 +43,7 @@ use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
 use crate::surfel::reuse::Reuse;
+use crate::surfel::settle::Settle;
 use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, count_rays};
 use crate::technique::{
@@ -53,7 +55,10 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     id: "surfel",
     label: "Surfel cache",
     summary: "Real-time default: indirect light from a cache that all views share and that stays.",
-    conformance: Conformance::Biased { rmse_tonemapped: 0.03 },
+    conformance: |settings| match settings.settles {
+        true => Conformance::Consistent,
+        false => Conformance::Biased { rmse_tonemapped: 0.03 },
+    },
     kernels: kernels_for,
     uses_surfels: true,
     needs: |_| Ok(()),
@@ -110,6 +115,8 @@ const QUIET_FRAMES: u32 = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Start,
+    /// Paths are traced, until there are so many samples of them.
+    Paths(u32),
     /// The cache is being updated.
     Update,
     /// Pixels from here on are still to be shaded.
@@ -124,7 +131,12 @@ struct SurfelPicture {
     /// Update that this picture has seen.
     seen_update: u32,
     phase: Phase,
+    /// Frames of the cache.
     samples: u32,
+    /// Where the picture settles to the truth.
+    settle: Option<Settle>,
+    /// Rays of the frame in hand.
+    frame_rays: u64,
     /// Frames until surfels are looked for again, while the picture stands still and is covered.
     quiet_frames: u32,
     /// What camera rays meet, 16 bytes a pixel.
@@ -175,6 +187,10 @@ impl SurfelPicture {
             seen_update: 0,
             phase: Phase::Start,
             samples: 0,
+            // What is split apart is the cache's alone.
+            settle: (options.surfel.settles && !options.is_split)
+                .then(|| Settle::new(options, features.set(Feature::Splat, false))),
+            frame_rays: 0,
             quiet_frames: 0,
             visible: view_buffer("visible")?,
             points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
@@ -313,6 +329,108 @@ impl SurfelPicture {
         count_rays(step, &report.take(ticket)?);
         Ok(range)
     }
+
+    /// The next piece of a frame of the cache, of so many paths. Returns whether the frame is whole.
+    fn advance_frame(
+        &mut self,
+        work: &Work<'_>,
+        cache: &mut SurfelCache,
+        view: &FrameView,
+        frame: &FrameUniforms,
+        left: u64,
+        step: &mut Step,
+    ) -> Result<bool, TechniqueError> {
+        match self.phase {
+            // Whoever comes first finishes the update under way: nothing else may touch the cache meanwhile.
+            Phase::Start | Phase::Update if cache.stage != UpdateStage::Idle => {
+                let limit = u32::try_from(left).unwrap_or(u32::MAX);
+                step.paths += u64::from(cache.advance(work, bytemuck::bytes_of(frame), limit, step)?);
+            }
+            Phase::Start | Phase::Paths(_) => {
+                self.start(work, cache, view, frame, step)?;
+                step.paths += u64::from(self.pixel_count());
+            }
+            Phase::Update => {
+                self.seen_update = cache.update;
+                self.phase = Phase::Shade(0);
+            }
+            Phase::Shade(first) => {
+                let done = self.shade(work, cache, frame, first, left, step)?;
+                step.paths += u64::from(done);
+                self.phase = Phase::Shade(first + done);
+                return Ok(first + done == self.pixel_count());
+            }
+        }
+        Ok(false)
+    }
+
+    /// A frame of the cache is whole.
+    fn end_frame(
+        &mut self,
+        gpu: &Gpu,
+        cache: &SurfelCache,
+        view: &FrameView,
+        step: &mut Step,
+    ) -> Result<(), TechniqueError> {
+        self.phase = Phase::Start;
+        self.samples += 1;
+        step.is_whole = true;
+        let rays = std::mem::take(&mut self.frame_rays);
+        if let Some(settle) = &mut self.settle {
+            settle.count_cache(rays, cache.counts()[0]);
+        }
+        self.combine(gpu, view, step)
+    }
+
+    /// Goes over to paths where it is their turn.
+    fn begin_paths(&mut self, gpu: &Gpu, budget: &StepBudget) -> Result<(), TechniqueError> {
+        let left = budget.until_samples.saturating_sub(self.samples());
+        if let Some(settle) = &mut self.settle
+            && let Some(goal) = settle.due(gpu, self.samples, left)?
+        {
+            self.phase = Phase::Paths(goal);
+        }
+        Ok(())
+    }
+
+    /// Traces paths. Returns whether they made a whole picture.
+    fn trace_paths(
+        &mut self,
+        work: &Work<'_>,
+        view: &FrameView,
+        budget: StepBudget,
+        step: &mut Step,
+    ) -> Result<bool, TechniqueError> {
+        let Some(settle) = &mut self.settle else {
+            self.phase = Phase::Start;
+            return Ok(false);
+        };
+        let traced = settle.trace(work.gpu, work.scene, work.lights, view, budget)?;
+        step.paths += traced.paths;
+        step.non_finite += traced.non_finite;
+        for (sum, count) in step.rays.iter_mut().zip(traced.rays) {
+            *sum += count;
+        }
+        merge_passes(&mut step.passes, traced.passes);
+        if !traced.is_whole {
+            return Ok(false);
+        }
+        self.phase = Phase::Start;
+        step.is_whole = settle.is_turn_of_paths();
+        if step.is_whole {
+            self.combine(work.gpu, view, step)?;
+        }
+        Ok(step.is_whole)
+    }
+
+    /// Weighs the cache's picture and the paths'.
+    fn combine(&mut self, gpu: &Gpu, view: &FrameView, step: &mut Step) -> Result<(), TechniqueError> {
+        let picture = self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+        if let Some(settle) = &mut self.settle {
+            settle.combine(gpu, picture, self.samples, view.exposure, step)?;
+        }
+        Ok(())
+    }
 }
 
 impl Technique for SurfelPicture {
@@ -325,7 +443,7 @@ impl Technique for SurfelPicture {
         budget: StepBudget,
     ) -> Result<Step, TechniqueError> {
         let mut step = Step::default();
-        if self.phase == Phase::Start && self.samples >= budget.until_samples {
+        if self.phase == Phase::Start && self.samples() >= budget.until_samples {
             step.is_whole = true;
             return Ok(step);
         }
@@ -345,32 +463,22 @@ impl Technique for SurfelPicture {
         let work = Work { gpu, kernels: &kernels, scene, lights };
         while step.paths < budget.max_paths {
             let left = budget.max_paths - step.paths;
-            let frame_bytes = bytemuck::bytes_of(&frame);
-            match self.phase {
-                // Whoever comes first finishes the update under way: nothing else may touch the cache meanwhile.
-                Phase::Start | Phase::Update if cache.stage != UpdateStage::Idle => {
-                    let limit = u32::try_from(left).unwrap_or(u32::MAX);
-                    step.paths += u64::from(cache.advance(&work, frame_bytes, limit, &mut step)?);
+            if self.phase == Phase::Start && cache.stage == UpdateStage::Idle {
+                self.begin_paths(gpu, &budget)?;
+            }
+            if let Phase::Paths(goal) = self.phase {
+                let budget = StepBudget { max_paths: left, until_samples: goal, ..budget };
+                if self.trace_paths(&work, view, budget, &mut step)? {
+                    return Ok(step);
                 }
-                Phase::Start => {
-                    self.start(&work, &mut cache, view, &frame, &mut step)?;
-                    step.paths += u64::from(self.pixel_count());
-                }
-                Phase::Update => {
-                    self.seen_update = cache.update;
-                    self.phase = Phase::Shade(0);
-                }
-                Phase::Shade(first) => {
-                    let done = self.shade(&work, &cache, &frame, first, left, &mut step)?;
-                    step.paths += u64::from(done);
-                    if first + done == self.pixel_count() {
-                        self.phase = Phase::Start;
-                        self.samples += 1;
-                        step.is_whole = true;
-                        return Ok(step);
-                    }
-                    self.phase = Phase::Shade(first + done);
-                }
+                continue;
+            }
+            let rays_before = step.rays.iter().sum::<u64>();
+            let is_whole = self.advance_frame(&work, &mut cache, view, &frame, left, &mut step)?;
+            self.frame_rays += step.rays.iter().sum::<u64>() - rays_before;
+            if is_whole {
+                self.end_frame(gpu, &cache, view, &mut step)?;
+                return Ok(step);
             }
         }
         Ok(step)
@@ -392,7 +500,11 @@ impl Technique for SurfelPicture {
                 }
             }
         }
+        if let Some(settle) = &mut self.settle {
+            settle.restart();
+        }
         self.samples = 0;
+        self.frame_rays = 0;
         self.phase = Phase::Start;
     }
 
@@ -407,11 +519,12 @@ impl Technique for SurfelPicture {
     }
 
     fn picture(&self) -> &Buffer {
-        self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation)
+        let settled = self.settle.as_ref().and_then(Settle::picture);
+        settled.or_else(|| self.reuse.as_ref().and_then(Reuse::picture)).unwrap_or(&self.accumulation)
     }
 
     fn samples(&self) -> u32 {
-        self.samples
+        self.samples + self.settle.as_ref().map_or(0, Settle::counted)
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {

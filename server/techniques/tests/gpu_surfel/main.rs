@@ -15,4 +15,5 @@ mod repeat;
 mod reuse;
 mod rig;
 mod scenes;
+mod settling;
 mod splat;
