@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use surfelcast_scene::{Camera, Scene};
+use surfelcast_techniques::AuditResult;
 
 use crate::lights::SessionLights;
 
@@ -148,6 +149,27 @@ pub struct ErrorEstimate {
     pub rel_mse: f32,
     /// Standard error of `rmse_tonemapped`.
     pub std_error: f32,
+    /// Lower end of the interval that holds the true RMSE in nine cases of ten.
+    pub rmse_low: f32,
+    /// Its upper end.
+    pub rmse_high: f32,
+    /// Mean squared error after the tone map: unbiased, and so below 0 by chance where the error is smaller than the audit can
+    /// see. What averages over pictures must take.
+    pub mse_tonemapped: f32,
+}
+
+impl From<&AuditResult> for ErrorEstimate {
+    fn from(audit: &AuditResult) -> Self {
+        let [low, high] = audit.rmse_interval;
+        Self {
+            rmse_tonemapped: audit.rmse_tonemapped as f32,
+            rel_mse: audit.rel_mse as f32,
+            std_error: audit.std_error as f32,
+            rmse_low: low as f32,
+            rmse_high: high as f32,
+            mse_tonemapped: audit.mse as f32,
+        }
+    }
 }
 
 /// Rays traced.

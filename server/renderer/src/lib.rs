@@ -6,6 +6,7 @@
 mod actor;
 pub mod command;
 pub mod config;
+mod convergence;
 pub mod handle;
 pub mod inspection;
 pub mod job;

@@ -13,14 +13,13 @@ use surfelcast_techniques::{
     Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry,
 };
 
+use crate::convergence::{FIRST_AUDIT, next_audit};
 use crate::handle::RendererError;
 use crate::job::{Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass};
 use crate::pace::Pace;
 use crate::scenes::SceneStore;
 
-/// First sample count at which the error is audited for `max_error`.
-const FIRST_AUDIT: u32 = 16;
-/// Factor between audits: the error falls with the root, so a picture overshoots its goal by at most 10 %.
+/// Largest factor between audits for `max_error`: an error that falls with the root overshoots its goal by at most 10 %.
 const AUDIT_GROWTH: f64 = 1.25;
 /// Samples a pixel after which a job without another rule ends.
 const MAX_SAMPLES: u32 = 1 << 20;
@@ -195,7 +194,8 @@ impl RunningJob {
         if is_auditing && step.is_whole && self.technique.samples() >= self.next_audit {
             self.run_audit(gpu)?;
             self.earlier_bounds.push((self.technique.samples(), self.error_bound));
-            self.next_audit = (f64::from(self.next_audit) * AUDIT_GROWTH).ceil() as u32;
+            let goal = stop.max_error.map_or(0.0, f64::from);
+            self.next_audit = next_audit(self.technique.samples(), self.error_bound, goal, AUDIT_GROWTH);
         }
         Ok(JobState::Running)
     }
@@ -241,13 +241,9 @@ impl RunningJob {
         let samples = self.technique.samples();
         let found = audit.run(gpu, &self.scene, &self.lights, &self.view, picture, samples, self.job.exposure)?;
         self.count(found.rays, found.non_finite);
-        merge_passes(&mut self.passes, found.passes);
         self.error_bound = found.bound;
-        self.error = Some(ErrorEstimate {
-            rmse_tonemapped: found.rmse_tonemapped as f32,
-            rel_mse: found.rel_mse as f32,
-            std_error: found.std_error as f32,
-        });
+        self.error = Some(ErrorEstimate::from(&found));
+        merge_passes(&mut self.passes, found.passes);
         Ok(())
     }
 

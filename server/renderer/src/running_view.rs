@@ -15,6 +15,7 @@ use surfelcast_techniques::{
 };
 
 use crate::command::SessionKey;
+use crate::convergence::{FIRST_AUDIT, next_audit};
 use crate::handle::RendererError;
 use crate::job::{Aov, ErrorEstimate, SkippedPass, SurfelOutput};
 use crate::pace::Pace;
@@ -22,14 +23,12 @@ use crate::running_job::{pass_times, skipped_passes, surface_output};
 use crate::slot::FrameSlot;
 use crate::view::{Frame, FrameKind, ViewState};
 
-/// Samples a pixel at which the error is first audited.
-const FIRST_AUDIT: u32 = 16;
 /// A still is shown when its samples have grown by this factor since the last one shown ...
 const SHOW_GROWTH: u32 = 4;
 /// ... or after this long, so that a slow device does not look stuck.
 const SHOW_INTERVAL: Duration = Duration::from_millis(1500);
-/// Factor between audits.
-const AUDIT_GROWTH: u32 = 2;
+/// Largest factor between audits.
+const AUDIT_GROWTH: f64 = 2.0;
 /// Largest batch: a batch is what a camera move waits for at most in one submission.
 const MAX_BATCH: u32 = 16;
 /// Samples a pixel while moving, where the device has time for more than one.
@@ -83,6 +82,8 @@ pub(crate) struct RunningView {
     error: Option<ErrorEstimate>,
     /// What the error is probably below.
     error_bound: f64,
+    /// Samples a pixel of the picture that was audited.
+    audited_samples: u32,
     sent_samples: u32,
     sent_at: Instant,
     secs_since_frame: f64,
@@ -105,6 +106,7 @@ impl RunningView {
             size_limit: 1.0,
             error: None,
             error_bound: f64::INFINITY,
+            audited_samples: 0,
             sent_samples: 0,
             sent_at: Instant::now(),
             secs_since_frame: 0.0,
@@ -275,6 +277,7 @@ impl RunningView {
         self.is_unsent = false;
         self.error = None;
         self.error_bound = f64::INFINITY;
+        self.audited_samples = 0;
         self.sent_samples = 0;
         self.stage = if self.state.is_moving {
             Stage::Moving { scale: coarse }
@@ -407,7 +410,8 @@ impl RunningView {
                 }
                 let is_good = self.error_bound <= f64::from(self.shown.max_error);
                 if samples >= self.shown.max_samples.max(1) || is_good {
-                    if self.error.is_none() {
+                    // What is said of the last picture is about that one, not about one of half its samples.
+                    if self.audited_samples < samples {
                         self.audit(gpu, scene, lights, true)?;
                     }
                     self.stage = Stage::Converged;
@@ -443,15 +447,12 @@ impl RunningView {
         let view = FrameView { camera: self.shown.camera, size: work.size, exposure: self.shown.exposure };
         let picture = work.technique.picture();
         let found = audit.run(gpu, scene, lights, &view, picture, samples, self.shown.exposure)?;
-        work.next_audit = samples.saturating_mul(AUDIT_GROWTH);
+        work.next_audit = next_audit(samples, found.bound, f64::from(self.shown.max_error), AUDIT_GROWTH);
+        self.audited_samples = samples;
         self.rays += found.rays.iter().sum::<u64>();
-        merge_passes(&mut self.passes, found.passes);
         self.error_bound = found.bound;
-        self.error = Some(ErrorEstimate {
-            rmse_tonemapped: found.rmse_tonemapped as f32,
-            rel_mse: found.rel_mse as f32,
-            std_error: found.std_error as f32,
-        });
+        self.error = Some(ErrorEstimate::from(&found));
+        merge_passes(&mut self.passes, found.passes);
         Ok(())
     }
 

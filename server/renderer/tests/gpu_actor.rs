@@ -142,6 +142,24 @@ async fn a_job_stops_at_the_error_it_was_given() {
     renderer.stop().await;
 }
 
+/// What a view says of its last picture is about that one, not about the last that was due for an audit.
+#[tokio::test]
+async fn a_settled_view_states_the_error_of_what_it_shows() {
+    let renderer = ready(RendererConfig::default()).await;
+    let scene = cornell_box();
+    let state = ViewState { max_samples: 31, ..view_state(&scene) };
+    // The job comes first: it compiles the audit, which a view does not wait for while it refines.
+    let same = RenderJob { size: state.size, seed: 0, materials: MaterialMode::Pbr, ..job(&scene, 31) };
+    let output = renderer.render(same).unwrap().result.await.unwrap().unwrap();
+    let session = renderer.open_session(Arc::clone(&scene)).await.unwrap();
+    let slot = FrameSlot::default();
+    renderer.open_view(session, state, slot.clone()).await.unwrap();
+    let settled = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final).await;
+    let (stated, expected) = (settled.error.unwrap(), output.error.unwrap());
+    assert!((stated.rmse_tonemapped / expected.rmse_tonemapped - 1.0).abs() < 0.01, "{stated:?} {expected:?}");
+    renderer.stop().await;
+}
+
 #[tokio::test]
 async fn a_canceled_job_keeps_what_it_has_or_says_so() {
     let renderer = ready(RendererConfig::default()).await;

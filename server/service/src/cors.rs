@@ -14,7 +14,7 @@ const REQUEST_HEADERS: HeaderValue =
     HeaderValue::from_static("Accept, Content-Type, Idempotency-Key, If-None-Match, Prefer");
 /// Answer headers a page may read beyond those a browser always shows.
 const EXPOSED_HEADERS: HeaderValue = HeaderValue::from_static(
-    "ETag, Location, Retry-After, Surfelcast-Error-RMSE, Surfelcast-Render-Secs, Surfelcast-Samples",
+    "ETag, Location, Retry-After, Surfelcast-Error-RMSE, Surfelcast-Error-Std, Surfelcast-Render-Secs, Surfelcast-Samples",
 );
 /// Seconds a browser may remember a preflight.
 const MAX_AGE: HeaderValue = HeaderValue::from_static("600");

@@ -44,7 +44,9 @@ pub(crate) struct RenderInfo {
     progress: f32,
     /// Samples a pixel so far.
     samples: u32,
-    /// Latest error audit.
+    /// Latest error audit: `rmse_tonemapped` with its standard error `std_error`; the true RMSE lies between `rmse_low` and
+    /// `rmse_high` in nine cases of ten. `mse_tonemapped` is the unbiased mean square, which chance may put below 0, and
+    /// `rel_mse` the mean square of linear values relative to their size.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     error_estimate: Option<ErrorEstimate>,
@@ -159,7 +161,11 @@ fn measurements(output: &RenderOutput) -> serde_json::Value {
 #[utoipa::path(post, path = "/v1/renders", tag = "renders", request_body = RenderBody,
     params(("Prefer" = Option<String>, Header, description = "wait=N answers with the picture if done within N seconds"),
         ("Idempotency-Key" = Option<String>, Header, description = "A request sent twice does its work once")),
-    responses((status = 200, description = "The picture, or the finished job for Accept: application/json"),
+    responses((status = 200, description = "The picture, or the finished job for Accept: application/json",
+            headers(("Surfelcast-Error-Rmse" = f32, description = "Audited RMSE after the tone map"),
+                ("Surfelcast-Error-Std" = f32, description = "Standard error of Surfelcast-Error-Rmse"),
+                ("Surfelcast-Samples" = u32, description = "Samples a pixel"),
+                ("Surfelcast-Render-Secs" = f64, description = "Seconds of rendering"))),
         (status = 202, body = RenderInfo, description = "Accepted; see Location"),
         (status = 400, description = "Not well formed"), (status = 404, description = "No such scene"),
         (status = 406, description = "No acceptable image type"), (status = 409, description = "Same key in flight"),
@@ -271,7 +277,11 @@ pub(crate) async fn get(State(state): State<ServiceState>, Path(id): Path<String
 /// The picture of a finished render, in the type `Accept` likes best.
 #[utoipa::path(get, path = "/v1/renders/{id}/image", tag = "renders",
     params(("id" = String, Path, description = "Render id")),
-    responses((status = 200, description = "PNG, JPEG, WebP or EXR (linear, unexposed)"),
+    responses((status = 200, description = "PNG, JPEG, WebP or EXR (linear, unexposed)",
+            headers(("Surfelcast-Error-Rmse" = f32, description = "Audited RMSE after the tone map"),
+                ("Surfelcast-Error-Std" = f32, description = "Standard error of Surfelcast-Error-Rmse"),
+                ("Surfelcast-Samples" = u32, description = "Samples a pixel"),
+                ("Surfelcast-Render-Secs" = f64, description = "Seconds of rendering"))),
         (status = 304, description = "If-None-Match holds"), (status = 404, description = "No such render"),
         (status = 406, description = "No acceptable image type"), (status = 409, description = "Not finished, failed or canceled")))]
 pub(crate) async fn image(
@@ -343,6 +353,7 @@ async fn picture(
     if let JobState::Succeeded(output) = job.state() {
         if let Some(error) = output.error {
             set(HeaderName::from_static("surfelcast-error-rmse"), error.rmse_tonemapped.to_string());
+            set(HeaderName::from_static("surfelcast-error-std"), error.std_error.to_string());
         }
         set(HeaderName::from_static("surfelcast-samples"), output.samples.to_string());
         set(HeaderName::from_static("surfelcast-render-secs"), output.render_secs.to_string());

@@ -149,7 +149,7 @@ impl Renderer {
         let [truth, first, second] = [truth, first, second].map(|picture| picture.without(&reference.masked));
         let exposure = reference.exposure;
         let mse = f64::midpoint(first.tone_mapped_mse(&truth, exposure), second.tone_mapped_mse(&truth, exposure));
-        let audited = |stats: &Value| stats["error_estimate"]["rmse_tonemapped"].as_f64().unwrap_or(0.0).powi(2);
+        let audited = |stats: &Value| stats["error_estimate"]["mse_tonemapped"].as_f64().unwrap_or(0.0);
         let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
 
         // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
@@ -160,7 +160,7 @@ impl Renderer {
             samples,
             rmse: mse.sqrt(),
             own_noise: (first.tone_mapped_mse(&second, exposure) / 2.0).sqrt(),
-            audited_rmse: f64::midpoint(audited(&first_stats), audited(&second_stats)).sqrt(),
+            audited_rmse: f64::midpoint(audited(&first_stats), audited(&second_stats)).max(0.0).sqrt(),
             bias: difference / truth.mean().max(1e-30),
             bias_in_errors: if error > 0.0 { difference / error } else { 0.0 },
             analytic_error,

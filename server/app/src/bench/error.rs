@@ -279,7 +279,7 @@ fn scenes(args: &ErrorArgs, shared: Option<&Path>) -> Result<Vec<String>, Failur
 struct Look {
     picture: Picture,
     cost: Cost,
-    /// Tone-mapped mean square and its standard error.
+    /// Tone-mapped mean square, which may be below 0, and its standard error.
     audited: Option<[f64; 2]>,
     surfels: Option<u32>,
 }
@@ -310,7 +310,7 @@ fn measure(gpu: &Gpu, case: &Case, stage: &Stage<'_>, truth: &Truth, key: Key) -
             if !shot.render(budget, limit)? {
                 break;
             }
-            let audited = shot.audit()?.map(|audit| [audit.rmse_tonemapped.powi(2), audit.std_error]);
+            let audited = shot.audit()?.map(|audit| [audit.mse, audit.mse_std_error]);
             looks.push(Look { picture: shot.picture()?, cost: shot.cost.clone(), audited, surfels: shot.surfels() });
         }
         let memory = gpu.memory();
@@ -342,7 +342,12 @@ fn point(samples: u32, looks: &[&Look], truth: &Truth, exposure: f64) -> Point {
     let shown = truth.whole().tone_mapped(exposure);
     let secs = mean(&|look| look.cost.secs);
     let spread = mean(&|look| (look.cost.secs - secs).powi(2));
-    let audited = looks.iter().map(|look| look.audited).collect::<Option<Vec<_>>>();
+    let audited = looks.iter().map(|look| look.audited).collect::<Option<Vec<_>>>().map(|all| {
+        let square = (all.iter().map(|a| a[0]).sum::<f64>() / count).max(0.0);
+        // Independent audits: the standard error of their mean falls with the root of their number.
+        let std_error = all.iter().map(|a| a[1].powi(2)).sum::<f64>().sqrt() / count;
+        [square.sqrt(), (square + std_error).sqrt() - square.sqrt()]
+    });
     let over_pictures = |value: &dyn Fn(&Picture) -> f64| pictures.iter().map(value).sum::<f64>() / count;
     Point {
         samples,
@@ -363,9 +368,8 @@ fn point(samples: u32, looks: &[&Look], truth: &Truth, exposure: f64) -> Point {
         variance: known(split.variance.value),
         variance_std_error: known(split.variance.std_error),
         mean_bias: over_pictures(&Picture::mean) / compared.mean().max(1e-30) - 1.0,
-        audited_rmse: audited.as_ref().map(|all| (all.iter().map(|a| a[0]).sum::<f64>() / count).max(0.0).sqrt()),
-        // Independent audits: that of their mean falls with the root of their number.
-        audited_std_error: audited.map(|all| (all.iter().map(|a| a[1].powi(2)).sum::<f64>()).sqrt() / count),
+        audited_rmse: audited.map(|[rmse, _]| rmse),
+        audited_std_error: audited.map(|[_, std_error]| std_error),
         surfels: looks.iter().map(|look| look.surfels.map(f64::from)).sum::<Option<f64>>().map(|sum| sum / count),
         non_finite: looks.iter().map(|look| look.cost.non_finite).sum(),
     }

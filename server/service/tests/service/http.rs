@@ -123,7 +123,7 @@ async fn pages_of_listed_origins_may_read_answers() {
         assert_eq!(answer.header("access-control-allow-origin"), APP);
         assert!(answer.headers.get_all("vary").iter().any(|value| value == "Origin"), "{answer:?}");
         assert!(answer.headers.get("access-control-allow-credentials").is_none());
-        for name in ["ETag", "Location", "Retry-After", "Surfelcast-Samples"] {
+        for name in ["ETag", "Location", "Retry-After", "Surfelcast-Error-Std", "Surfelcast-Samples"] {
             assert!(answer.header("access-control-expose-headers").contains(name), "{name}");
         }
     }

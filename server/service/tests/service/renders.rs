@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use axum::body::Body;
-use axum::http::{Request, StatusCode};
+use axum::http::{HeaderName, Request, StatusCode};
 use serde_json::{Value, json};
 use surfelcast_renderer::{Aov, DeviceState, KNOBS, RendererError, SurfelSettings};
 
@@ -39,6 +39,7 @@ async fn a_picture_at_once_in_every_format() {
         let answer = render(&service, &[("accept", accept), ("prefer", "wait=10")], json!({})).await;
         assert_eq!((answer.status, answer.header("content-type")), (StatusCode::OK, mime), "{accept}");
         assert_eq!(answer.header("surfelcast-error-rmse"), "0.0125");
+        assert_eq!(answer.header("surfelcast-error-std"), "0.001");
         assert_eq!(answer.header("surfelcast-samples"), "4");
         assert_eq!(answer.header("surfelcast-render-secs"), "0.25");
         assert_eq!((answer.header("vary"), answer.header("preference-applied")), ("Accept", "wait=10"));
@@ -225,6 +226,22 @@ async fn the_api_description_lists_presets_knobs_and_outputs() {
     let outputs: Vec<&str> = Aov::ALL.iter().map(|(name, _)| *name).collect();
     assert_eq!(body["properties"]["aov"]["enum"], json!(outputs));
     assert!(body["properties"]["surfel"].to_string().contains("#/components/schemas/SurfelKnobs"), "{body}");
+}
+
+#[tokio::test]
+async fn the_api_description_names_every_header_of_a_picture() {
+    let service = Service::start().await;
+    let answer = render(&service, &[("accept", "image/png"), ("prefer", "wait=10")], json!({})).await;
+    let document = service.get("/v1/openapi.json").await.json();
+    for operation in ["/paths/~1v1~1renders/post", "/paths/~1v1~1renders~1{id}~1image/get"] {
+        let described = document.pointer(&format!("{operation}/responses/200/headers")).and_then(Value::as_object);
+        let mut described: Vec<String> = described.expect(operation).keys().map(|name| name.to_lowercase()).collect();
+        described.sort();
+        let sent = answer.headers.keys().map(HeaderName::as_str).filter(|name| name.starts_with("surfelcast-"));
+        let mut sent: Vec<&str> = sent.collect();
+        sent.sort_unstable();
+        assert_eq!(described, sent, "{operation}");
+    }
 }
 
 #[tokio::test]
