@@ -15,13 +15,15 @@ use surfelcast_techniques::{SessionState, SurfelSettings, registry};
 use crate::bench::case::{Case, Truth, Wanted};
 use crate::bench::record::{Curve, Key, Point, Record};
 use crate::bench::stage::{Cost, Stage, camera_aside};
-use crate::bench::variant::{Start, VariantLists};
+use crate::bench::variant::{Start, Variant, VariantLists};
 use crate::bench::{OutputArgs, device_name, peers, progress_bar, tables};
 use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids};
 use crate::failure::Failure;
 
 /// References that other renderers were measured on as well.
 const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small", "sponza", "classroom"];
+/// Those of them for the study of reconstruction in the image.
+const IMAGE_SCENES: [&str; 3] = ["cornell_box", "bars", "classroom"];
 /// Scenes where there are no references.
 const BUILT_IN: [&str; 2] = ["demo:cornell_box", "demo:interior"];
 /// Frames of the camera before, where the cache is warm: until it has settled in all but the noisiest places.
@@ -44,6 +46,8 @@ enum Study {
     Densities,
     /// Seconds to an error beside those of other renderers, from an empty cache and from a warm one.
     Peers,
+    /// Indirect light reconstructed in the image, from the published scheme to ours, beside other reconstructions.
+    Image,
 }
 
 #[derive(Debug, Args)]
@@ -113,6 +117,7 @@ impl Study {
             Self::Presets => "presets",
             Self::Densities => "densities",
             Self::Peers => "peers",
+            Self::Image => "image",
         }
     }
 
@@ -123,16 +128,37 @@ impl Study {
             Self::Presets => (64, 2),
             Self::Densities => (32, 2),
             Self::Peers => (256, 2),
+            Self::Image => (32, 2),
         }
     }
 
+    /// What is compared, in the order of the table.
+    fn variants(self, asked: &VariantLists) -> Result<Vec<Variant>, Failure> {
+        if self != Self::Image {
+            return self.lists(asked).all();
+        }
+        // Not every combination: the scheme means something in the image only. Surfels borrow from nobody in either.
+        let rows = [("image", "image=3,2,1,0"), ("none", ""), ("poisson", "")];
+        let mut variants = Vec::new();
+        for (reconstruction, scheme) in rows {
+            let mut lists = asked.clone();
+            lists.techniques = vec!["surfel".to_owned()];
+            lists.reconstructions = vec![reconstruction.to_owned()];
+            lists
+                .knobs
+                .extend(["sharing=0", scheme].iter().filter(|knob| !knob.is_empty()).map(|&knob| knob.to_owned()));
+            variants.extend(lists.all()?);
+        }
+        Ok(variants)
+    }
+
     /// What is compared where nothing is asked for.
-    fn variants(self, asked: &VariantLists) -> VariantLists {
+    fn lists(self, asked: &VariantLists) -> VariantLists {
         let words = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
         let or = |asked: &Vec<String>, default: &[&str]| if asked.is_empty() { words(default) } else { asked.clone() };
         let mut lists = asked.clone();
         match self {
-            Self::Error => {}
+            Self::Error | Self::Image => {}
             Self::Presets => {
                 lists.techniques = or(&asked.techniques, &["surfel"]);
                 lists.presets = or(&asked.presets, &["preview", "balanced", "high"]);
@@ -157,15 +183,13 @@ impl Study {
 
 pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
     let study = args.study;
-    let variants = study
-        .variants(&VariantLists {
-            techniques: args.techniques.clone(),
-            reconstructions: args.reconstructions.clone(),
-            presets: args.presets.clone(),
-            knobs: args.knobs.clone(),
-            starts: args.starts.clone(),
-        })
-        .all()?;
+    let variants = study.variants(&VariantLists {
+        techniques: args.techniques.clone(),
+        reconstructions: args.reconstructions.clone(),
+        presets: args.presets.clone(),
+        knobs: args.knobs.clone(),
+        starts: args.starts.clone(),
+    })?;
     args.output.check_table(study.name())?;
     let peers = peers::read(&args.peers)?;
     let shared = shared_folder(Path::new(".."));
@@ -188,6 +212,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
             camera: args.camera.as_deref(),
             size: args.size,
             materials: args.materials,
+            is_indirect: study == Study::Image,
             reference: args.reference.as_deref(),
         };
         let case = Case::find(&wanted, shared.as_deref())?;
@@ -231,6 +256,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         Study::Presets => tables::presets(&curves),
         Study::Densities => tables::densities(&curves),
         Study::Peers => peers::table(&curves, &peers),
+        Study::Image => tables::images(&curves),
     };
     args.output.publish(study.name(), &(text + &refusals))
 }
@@ -244,6 +270,7 @@ fn scenes(args: &ErrorArgs, has_references: bool) -> Result<Vec<String>, Failure
         _ if !args.scenes.is_empty() => return Ok(args.scenes.clone()),
         Study::Densities if has_references => &SCENES[..1],
         Study::Densities => &BUILT_IN[..1],
+        Study::Image if has_references => &IMAGE_SCENES,
         _ if has_references => &SCENES,
         _ => &BUILT_IN,
     };

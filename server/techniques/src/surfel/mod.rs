@@ -11,6 +11,7 @@ mod cache;
 mod fill;
 mod graph;
 mod grid;
+mod image;
 mod look;
 mod reuse;
 mod settings;
@@ -30,7 +31,7 @@ pub use cache::SurfelCache;
 pub use graph::MeasuredDifference;
 pub use look::SurfelOutput;
 pub use reuse::EarlierFrame;
-pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
+pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::{features_for, general_features};
@@ -41,6 +42,7 @@ use crate::passes::upload::SceneBuffers;
 use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
+use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::reuse::Reuse;
 use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, count_rays};
@@ -87,9 +89,12 @@ const KERNELS: &[&str] = &[
 /// What a picture with these settings runs, and no more.
 fn kernels_for(settings: &SurfelSettings) -> Vec<&'static str> {
     let optional = [
-        (settings.reconstruction == Reconstruction::None, &["surfel_share"][..]),
-        (settings.reconstruction != Reconstruction::None, graph::KERNELS),
+        (settings.reconstruction.shows_means(), &["surfel_share"][..]),
+        (!settings.reconstruction.shows_means(), graph::VALUE_KERNELS),
+        (settings.reconstruction.uses_graph(), graph::KERNELS),
+        (settings.reconstruction.measures_differences(), graph::DIFFERENCE_KERNELS),
         (settings.reconstruction == Reconstruction::Poisson, graph::SOLVE_KERNELS),
+        (settings.reconstruction == Reconstruction::Image, image::KERNELS),
         (settings.bins_rays, &["surfel_bin_count", "surfel_bin_scatter"]),
         (settings.initial != Initial::Gaps, &["surfel_seed"]),
     ];
@@ -114,6 +119,8 @@ enum Phase {
     Update,
     /// Pixels from here on are still to be shaded.
     Shade(u32),
+    /// Their light is being reconstructed in the image.
+    Reconstruct,
 }
 
 struct SurfelPicture {
@@ -147,6 +154,8 @@ struct SurfelPicture {
     splat: Option<Splat>,
     /// B and reflections, where asked for.
     split: Option<(Buffer, Buffer)>,
+    /// Where light is reconstructed in the image.
+    image: Option<ImageReconstruction>,
     counters: Buffer,
 }
 
@@ -192,6 +201,7 @@ impl SurfelPicture {
             } else {
                 None
             },
+            image: ImageReconstruction::new(gpu, &options)?,
             counters: counters::buffer(gpu)?,
             options,
         })
@@ -211,6 +221,13 @@ impl SurfelPicture {
 
     fn pixel_count(&self) -> u32 {
         self.options.size[0] * self.options.size[1]
+    }
+
+    /// The sample in hand is whole.
+    fn finish(&mut self, step: &mut Step) {
+        self.phase = Phase::Start;
+        self.samples += 1;
+        step.is_whole = true;
     }
 
     fn ray_budget(&self) -> u32 {
@@ -302,6 +319,9 @@ impl SurfelPicture {
             pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);
         }
         pass.dispatch(workgroups_of(range))?;
+        if let Some(image) = &self.image {
+            image.record_gather(&mut graph, work, cache, &frame, [&self.visible, &self.points])?;
+        }
         if let Some(reuse) =
             self.reuse.as_mut().filter(|_| first + range == self.options.size[0] * self.options.size[1])
         {
@@ -363,13 +383,25 @@ impl Technique for SurfelPicture {
                 Phase::Shade(first) => {
                     let done = self.shade(&work, &cache, &frame, first, left, &mut step)?;
                     step.paths += u64::from(done);
-                    if first + done == self.pixel_count() {
-                        self.phase = Phase::Start;
-                        self.samples += 1;
-                        step.is_whole = true;
+                    if first + done < self.pixel_count() {
+                        self.phase = Phase::Shade(first + done);
+                    } else if self.image.is_some() {
+                        // The next step solves: it traces no path, so it says nothing of the rate of paths.
+                        self.phase = Phase::Reconstruct;
+                        return Ok(step);
+                    } else {
+                        self.finish(&mut step);
                         return Ok(step);
                     }
-                    self.phase = Phase::Shade(first + done);
+                }
+                Phase::Reconstruct => {
+                    let picture = self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+                    let irradiance = self.split.as_ref().map(|(irradiance, _)| irradiance);
+                    let drawn = Drawn { points: &self.points, picture, irradiance };
+                    if self.image.as_mut().map_or(Ok(true), |image| image.advance(gpu, &frame, &drawn, &mut step))? {
+                        self.finish(&mut step);
+                    }
+                    return Ok(step);
                 }
             }
         }
@@ -392,6 +424,9 @@ impl Technique for SurfelPicture {
                 }
             }
         }
+        if let Some(image) = &mut self.image {
+            image.restart();
+        }
         self.samples = 0;
         self.phase = Phase::Start;
     }
@@ -407,7 +442,8 @@ impl Technique for SurfelPicture {
     }
 
     fn picture(&self) -> &Buffer {
-        self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation)
+        let gathered = || self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+        self.image.as_ref().map_or_else(gathered, ImageReconstruction::picture)
     }
 
     fn samples(&self) -> u32 {
@@ -415,7 +451,8 @@ impl Technique for SurfelPicture {
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {
-        self.split.as_ref().map(|(irradiance, _)| (&self.direct, irradiance))
+        let reconstructed = self.image.as_ref().and_then(ImageReconstruction::irradiance);
+        self.split.as_ref().map(|(irradiance, _)| (&self.direct, reconstructed.unwrap_or(irradiance)))
     }
 
     fn reflection(&self) -> Option<&Buffer> {
