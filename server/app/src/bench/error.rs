@@ -138,7 +138,7 @@ impl Study {
             return self.lists(asked).all();
         }
         // Not every combination: the scheme means something in the image only. Surfels borrow from nobody in either.
-        let rows = [("image", "image=3,2,1,0"), ("none", ""), ("poisson", "")];
+        let rows = [("image", "image=4,3,2,1,0"), ("none", ""), ("poisson", "")];
         let mut variants = Vec::new();
         for (reconstruction, scheme) in rows {
             let mut lists = asked.clone();

@@ -214,12 +214,13 @@ const IMAGE_FRAMES: [u32; 3] = [2, 8, 32];
 fn image_row(variant: &Variant) -> &'static str {
     let has = |knob: &str| variant.knobs.iter().any(|known| known == knob);
     match variant.reconstruction.as_deref() {
-        Some("image") if has("image=3") => {
-            "slopes of all overlapping surfels added up, values all but left out (`image=3`)"
+        Some("image") if has("image=4") => {
+            "slopes of all overlapping surfels added up, values all but left out (`image=4`)"
         }
-        Some("image") if has("image=2") => "slopes of all overlapping surfels added up (`image=2`)",
-        Some("image") if has("image=1") => "normalised weights (`image=1`)",
-        Some("image") => "normalised weights, masked (`image=0`, the default)",
+        Some("image") if has("image=3") => "slopes of all overlapping surfels added up (`image=3`)",
+        Some("image") if has("image=2") => "normalised weights (`image=2`)",
+        Some("image") if has("image=1") => "normalised weights, masked (`image=1`)",
+        Some("image") => "normalised weights, masked, weighed by noise (`image=0`, the default)",
         Some("poisson") => "on the graph of surfels (`poisson`)",
         _ => "nothing (`none`)",
     }
@@ -409,7 +410,7 @@ mod tests {
     fn schemes_are_rows_and_pictures_with_frames_are_columns() {
         let mut curves = Vec::new();
         for case in ["a_main_indirect", "b_main_indirect"] {
-            for (reconstruction, knob) in [("image", "image=2"), ("none", "sharing=0")] {
+            for (reconstruction, knob) in [("image", "image=3"), ("none", "sharing=0")] {
                 let mut one = curve(case, "surfel", 0.5);
                 one.key.variant.reconstruction = Some(reconstruction.to_owned());
                 one.key.variant.knobs = vec![knob.to_owned()];
@@ -418,7 +419,7 @@ mod tests {
         }
         let text = images(&curves);
         assert!(text.contains("| what is solved | a: 2 frames | a: 8 frames |"), "{text}");
-        assert!(text.contains("(`image=2`) |") && text.contains("| nothing (`none`) |"), "{text}");
+        assert!(text.contains("(`image=3`) |") && text.contains("| nothing (`none`) |"), "{text}");
         let table = text.split("\n\n").last().unwrap_or_default();
         assert!(table.lines().all(|line| line.matches('|').count() == 8), "{text}");
     }

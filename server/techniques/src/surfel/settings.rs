@@ -1,6 +1,6 @@
 //! Knobs of the surfel cache: what turning each up buys, and what it costs.
 
-use surfelcast_shaders::constants::{IMAGE_MASKED, IMAGE_SUMMED, IMAGE_UNMASKED, IMAGE_UNSCREENED};
+use surfelcast_shaders::constants::{IMAGE_MASKED, IMAGE_SUMMED, IMAGE_UNMASKED, IMAGE_UNSCREENED, IMAGE_WEIGHED};
 
 /// How a surfel's mean follows its rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -89,8 +89,11 @@ impl Reconstruction {
 /// each cause of its failure can be told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ImageScheme {
-    /// Slopes by the normalised weights of a gather; pixels that no smooth surface joins are not tied together.
+    /// Slopes by the normalised weights of a gather; pixels that no smooth surface joins are not tied together, others as far
+    /// as values are noisier than slopes are wrong.
     #[default]
+    Weighed = IMAGE_WEIGHED as isize,
+    /// Others all alike.
     Masked = IMAGE_MASKED as isize,
     /// All neighbouring pixels are.
     Unmasked = IMAGE_UNMASKED as isize,
@@ -168,7 +171,7 @@ impl SurfelSettings {
         guided_share: 0.0,
         respects_depth: true,
         reconstruction: Reconstruction::Poisson,
-        image: ImageScheme::Masked,
+        image: ImageScheme::Weighed,
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
@@ -260,14 +263,15 @@ pub const KNOBS: &[Knob] = &[
     },
     Knob {
         name: "image",
-        range: [0.0, 3.0],
-        help: "with reconstruction in the image, 0: differences by normalised weights, none across folds and steps; 1: across those too; 2: those of all overlapping surfels added up, as published; 3: and values all but left out. From 1 on for comparison: worse",
+        range: [0.0, 4.0],
+        help: "with reconstruction in the image, 0: differences by normalised weights, none across folds and steps, each as far as it is believed; 1: believed alike; 2: across folds and steps too; 3: slopes of all overlapping surfels added up, as published; 4: and values all but left out. From 1 on for comparison: worse",
         get: |settings| settings.image as u8 as f32,
         set: |settings, value| {
             settings.image = match value.round() as u8 {
-                0 => ImageScheme::Masked,
-                1 => ImageScheme::Unmasked,
-                2 => ImageScheme::Summed,
+                0 => ImageScheme::Weighed,
+                1 => ImageScheme::Masked,
+                2 => ImageScheme::Unmasked,
+                3 => ImageScheme::Summed,
                 _ => ImageScheme::Unscreened,
             };
         },
@@ -375,7 +379,7 @@ impl SurfelSettings {
 
     /// Settings without the wishes of a single picture: pictures that differ in those share a cache.
     pub(crate) fn of_cache(&self) -> Self {
-        Self { pins: false, apply: Apply::Gather, reuses_direct: true, image: ImageScheme::Masked, ..*self }
+        Self { pins: false, apply: Apply::Gather, reuses_direct: true, image: ImageScheme::Weighed, ..*self }
     }
 
     /// Value of a knob.
