@@ -126,9 +126,8 @@ impl Study {
         match self {
             Self::Error => (256, 3),
             Self::Presets => (64, 2),
-            Self::Densities => (32, 2),
+            Self::Densities | Self::Image => (32, 2),
             Self::Peers => (256, 2),
-            Self::Image => (32, 2),
         }
     }
 
