@@ -78,6 +78,10 @@ bench-presets: build ## Error and time of the presets of the surfel cache, writt
 bench-densities: build ## Error by capacity and density of surfels, written into BENCHMARKS.md
 	$(SURFELCAST) bench error --study densities --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
+.PHONY: bench-image
+bench-image: build ## Error of indirect light reconstructed in the image, by scheme, written into BENCHMARKS.md
+	$(SURFELCAST) bench error --study image --truth-spp 512 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+
 .PHONY: bench-peers
 bench-peers: build ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
 	$(SURFELCAST) bench error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)

@@ -64,6 +64,19 @@ shader_constants! {
     /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths beyond
     /// 2 pi / 0.2 = 31 pixels are left to the values (Kettunen et al. 2015, section 6).
     GRADIENT_SCREEN: f32 = 0.04;
+    /// Weight of B against a difference of its neighbour's in reconstruction in the image: as in `gradient`.
+    IMAGE_SCREEN: f32 = 0.04;
+    /// Schemes of reconstruction in the image, each a step nearer to Noack 2022: differences by normalised weights, none
+    /// across folds and steps, each weighed by how far it is to be believed;
+    IMAGE_WEIGHED: u32 = 0;
+    /// all alike;
+    IMAGE_MASKED: u32 = 1;
+    /// across folds and steps too;
+    IMAGE_UNMASKED: u32 = 2;
+    /// the slopes of all overlapping surfels added up instead;
+    IMAGE_SUMMED: u32 = 3;
+    /// and next to no weight on values.
+    IMAGE_UNSCREENED: u32 = 4;
     /// Frames of direct light that a moving picture takes over from the one before, at most.
     REUSED_FRAMES: u32 = 16;
     /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits below `REUSE_TURN_MASK`

@@ -26,6 +26,8 @@ pub(crate) struct Wanted<'a> {
     pub(crate) camera: Option<&'a str>,
     pub(crate) size: Option<[u32; 2]>,
     pub(crate) materials: Materials,
+    /// Indirect light alone is compared, demodulated.
+    pub(crate) is_indirect: bool,
     /// Picture to compare with.
     pub(crate) reference: Option<&'a Path>,
 }
@@ -88,6 +90,16 @@ fn mode_name(mode: Mode) -> &'static str {
     }
 }
 
+impl Wanted<'_> {
+    fn mode(&self) -> Mode {
+        match self.materials {
+            _ if self.is_indirect => Mode::Indirect,
+            Materials::Pbr => Mode::Pbr,
+            Materials::Lambert => Mode::Lambert,
+        }
+    }
+}
+
 impl Case {
     /// Finds the scene, among references first, and reads it.
     pub(crate) fn find(wanted: &Wanted<'_>, shared: Option<&Path>) -> Result<Self, Failure> {
@@ -104,7 +116,7 @@ impl Case {
         }
         let scene = scene_file::load(Path::new(wanted.scene), None, None)?;
         let camera = scene_file::camera_of(&scene, wanted.camera)?.clone();
-        let mode = if wanted.materials == Materials::Pbr { Mode::Pbr } else { Mode::Lambert };
+        let mode = wanted.mode();
         let (mut size, source) = match wanted.reference {
             None => (DEFAULT_SIZE, Source::Rendered),
             Some(image) => {
@@ -134,15 +146,23 @@ impl Case {
     fn of_reference(wanted: &Wanted<'_>, shared: &Path) -> Result<Self, Failure> {
         let references = Reference::read_all(shared)?;
         let name = wanted.scene;
-        let mode = if wanted.materials == Materials::Pbr { Mode::Pbr } else { Mode::Lambert };
-        let is_of_scene = |one: &&Reference| one.scene.file_stem().is_some_and(|stem| stem == name) && one.mode == mode;
-        let has_camera = |one: &&Reference| wanted.camera.is_none_or(|camera| one.camera == camera);
-        let of_scene: Vec<_> = references.iter().filter(is_of_scene).filter(has_camera).collect();
+        let mode = wanted.mode();
+        let of_scene = |mode: Mode| {
+            let is_it = |one: &&Reference| {
+                one.scene.file_stem().is_some_and(|stem| stem == name)
+                    && one.mode == mode
+                    && wanted.camera.is_none_or(|camera| one.camera == camera)
+            };
+            // The scene's own order of cameras, not that of the files' names, says which is the first.
+            let main = references.iter().filter(is_it).find(|one| one.camera == "main");
+            main.or_else(|| references.iter().find(is_it))
+        };
         let reference = references
             .iter()
             .find(|one| one.name == name)
-            // The scene's own order of cameras, not that of the files' names, says which is the first.
-            .or_else(|| of_scene.iter().find(|one| one.camera == "main").or(of_scene.first()).copied())
+            .or_else(|| of_scene(mode))
+            // Few references are of indirect light alone: others tell at least what is seen.
+            .or_else(|| if wanted.is_indirect { of_scene(Mode::Lambert) } else { None })
             .ok_or_else(|| {
                 let known: Vec<_> = references.iter().map(|one| one.name.as_str()).collect();
                 Failure::input(format!(
@@ -153,9 +173,10 @@ impl Case {
             })?;
         let scene = scene_file::load(&reference.scene, None, None)?;
         let camera = scene_file::camera_of(&scene, Some(&reference.camera))?.camera;
-        // A reference has one size; another one asks for a truth of its own.
+        let mode = if wanted.is_indirect { Mode::Indirect } else { reference.mode };
+        // A reference has one size and output; another one asks for a truth of its own.
         let is_sized = wanted.size.is_none_or(|size| size == reference.size);
-        let source = if is_sized {
+        let source = if is_sized && reference.mode == mode {
             Source::Reference {
                 image: reference.image.clone(),
                 noise: reference.noise_rmse,
@@ -165,10 +186,14 @@ impl Case {
             Source::Rendered
         };
         Ok(Self {
-            name: reference.name.clone(),
+            name: if reference.mode == mode {
+                reference.name.clone()
+            } else {
+                format!("{}_{}_{}", scene.name, reference.camera, mode_name(mode))
+            },
             scene,
             camera,
-            mode: reference.mode,
+            mode,
             size: wanted.size.unwrap_or(reference.size),
             exposure: reference.exposure as f32,
             source,

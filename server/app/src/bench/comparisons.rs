@@ -80,8 +80,9 @@ pub(super) fn reconstructions(curves: &[Curve]) -> String {
         let named = |name: &str| surfels(&of_case, |curve| curve.key.variant.reconstruction.as_deref() == Some(name));
         let Some(poisson) = named("poisson") else { continue };
         let pixels = f64::from(poisson.key.size[0]) * f64::from(poisson.key.size[1]);
-        let others = [("none", named("none")), ("regression", named("regression")), ("path", paths(&of_case))];
-        for (row, (name, other)) in others.into_iter().enumerate() {
+        let others = ["none", "regression", "image"].map(|name| (name, named(name)));
+        let others = others.into_iter().chain([("path", paths(&of_case))]);
+        for (row, (name, other)) in others.enumerate() {
             let Some(other) = other else { continue };
             let cells: Vec<_> = RAYS_PER_PIXEL
                 .iter()

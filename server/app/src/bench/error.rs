@@ -15,7 +15,7 @@ use surfelcast_techniques::{SessionState, SurfelSettings, registry};
 use crate::bench::case::{Case, Truth, Wanted};
 use crate::bench::record::{Curve, Key, Point, Record};
 use crate::bench::stage::{Cost, Stage, camera_aside};
-use crate::bench::variant::{Start, VariantLists};
+use crate::bench::variant::{Start, Variant, VariantLists};
 use crate::bench::{OutputArgs, comparisons, device_name, peers, progress_bar, tables};
 use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids};
 use crate::failure::Failure;
@@ -24,6 +24,8 @@ use crate::failure::Failure;
 const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small", "sponza", "classroom"];
 /// Stands for all references.
 const EVERY_REFERENCE: &str = "references";
+/// Those of them for the study of reconstruction in the image.
+const IMAGE_SCENES: [&str; 3] = ["cornell_box", "bars", "classroom"];
 /// Scenes where there are no references.
 const BUILT_IN: [&str; 2] = ["demo:cornell_box", "demo:interior"];
 /// Frames of the camera before, where the cache is warm: until it has settled in all but the noisiest places.
@@ -50,6 +52,8 @@ enum Study {
     Settling,
     /// Reconstructions and path tracing at equal rays.
     Reconstructions,
+    /// Indirect light reconstructed in the image, from the published scheme to ours, beside other reconstructions.
+    Image,
 }
 
 #[derive(Debug, Args)]
@@ -121,6 +125,7 @@ impl Study {
             Self::Peers => "peers",
             Self::Settling => "settling",
             Self::Reconstructions => "reconstructions",
+            Self::Image => "image",
         }
     }
 
@@ -129,20 +134,40 @@ impl Study {
         match self {
             Self::Error => (256, 3),
             Self::Presets => (64, 2),
-            Self::Densities => (32, 2),
+            Self::Densities | Self::Image => (32, 2),
             Self::Peers => (256, 2),
             Self::Settling => (1024, 2),
             Self::Reconstructions => (128, 2),
         }
     }
 
+    /// What is compared, in the order of the table.
+    fn variants(self, asked: &VariantLists) -> Result<Vec<Variant>, Failure> {
+        if self != Self::Image {
+            return self.lists(asked).all();
+        }
+        // Not every combination: the scheme means something in the image only. Surfels borrow from nobody in either.
+        let rows = [("image", "image=4,3,2,1,0"), ("none", ""), ("poisson", "")];
+        let mut variants = Vec::new();
+        for (reconstruction, scheme) in rows {
+            let mut lists = asked.clone();
+            lists.techniques = vec!["surfel".to_owned()];
+            lists.reconstructions = vec![reconstruction.to_owned()];
+            lists
+                .knobs
+                .extend(["sharing=0", scheme].iter().filter(|knob| !knob.is_empty()).map(|&knob| knob.to_owned()));
+            variants.extend(lists.all()?);
+        }
+        Ok(variants)
+    }
+
     /// What is compared where nothing is asked for.
-    fn variants(self, asked: &VariantLists) -> VariantLists {
+    fn lists(self, asked: &VariantLists) -> VariantLists {
         let words = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
         let or = |asked: &Vec<String>, default: &[&str]| if asked.is_empty() { words(default) } else { asked.clone() };
         let mut lists = asked.clone();
         match self {
-            Self::Error => {}
+            Self::Error | Self::Image => {}
             Self::Presets => {
                 lists.techniques = or(&asked.techniques, &["surfel"]);
                 lists.presets = or(&asked.presets, &["preview", "balanced", "high"]);
@@ -176,15 +201,13 @@ impl Study {
 
 pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
     let study = args.study;
-    let variants = study
-        .variants(&VariantLists {
-            techniques: args.techniques.clone(),
-            reconstructions: args.reconstructions.clone(),
-            presets: args.presets.clone(),
-            knobs: args.knobs.clone(),
-            starts: args.starts.clone(),
-        })
-        .all()?;
+    let variants = study.variants(&VariantLists {
+        techniques: args.techniques.clone(),
+        reconstructions: args.reconstructions.clone(),
+        presets: args.presets.clone(),
+        knobs: args.knobs.clone(),
+        starts: args.starts.clone(),
+    })?;
     args.output.check_table(study.name())?;
     let peers = peers::read(&args.peers)?;
     let shared = shared_folder(Path::new(".."));
@@ -207,6 +230,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
             camera: args.camera.as_deref(),
             size: args.size,
             materials: args.materials,
+            is_indirect: study == Study::Image,
             reference: args.reference.as_deref(),
         };
         let case = Case::find(&wanted, shared.as_deref())?;
@@ -252,6 +276,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         Study::Peers => peers::table(&curves, &peers),
         Study::Settling => comparisons::settling(&curves),
         Study::Reconstructions => comparisons::reconstructions(&curves),
+        Study::Image => tables::images(&curves),
     };
     args.output.publish(study.name(), &(text + &refusals))
 }
@@ -269,6 +294,7 @@ fn scenes(args: &ErrorArgs, shared: Option<&Path>) -> Result<Vec<String>, Failur
         _ if !args.scenes.is_empty() => return Ok(args.scenes.clone()),
         Study::Densities if has_references => &SCENES[..1],
         Study::Densities => &BUILT_IN[..1],
+        Study::Image if has_references => &IMAGE_SCENES,
         _ if has_references => &SCENES,
         _ => &BUILT_IN,
     };

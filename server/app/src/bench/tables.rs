@@ -7,6 +7,7 @@ use surfelcast_measure::chart::{Chart, ChartPoint, Series};
 use surfelcast_measure::fit::Reached;
 
 use crate::bench::record::{Curve, Point};
+use crate::bench::variant::Variant;
 use crate::failure::Failure;
 
 /// Tone-mapped RMSE whose costs are told.
@@ -206,6 +207,54 @@ pub(super) fn densities(curves: &[Curve]) -> String {
     text
 }
 
+/// Frames after which reconstruction in the image is looked at.
+const IMAGE_FRAMES: [u32; 3] = [2, 8, 32];
+
+/// What a variant of that study solves.
+fn image_row(variant: &Variant) -> &'static str {
+    let has = |knob: &str| variant.knobs.iter().any(|known| known == knob);
+    match variant.reconstruction.as_deref() {
+        Some("image") if has("image=4") => {
+            "slopes of all overlapping surfels added up, values all but left out (`image=4`)"
+        }
+        Some("image") if has("image=3") => "slopes of all overlapping surfels added up (`image=3`)",
+        Some("image") if has("image=2") => "normalised weights (`image=2`)",
+        Some("image") if has("image=1") => "normalised weights, masked (`image=1`)",
+        Some("image") => "normalised weights, masked, weighed by noise (`image=0`, the default)",
+        Some("poisson") => "on the graph of surfels (`poisson`)",
+        _ => "nothing (`none`)",
+    }
+}
+
+/// Schemes down, pictures and frames across: error of indirect light.
+pub(super) fn images(curves: &[Curve]) -> String {
+    let cases = by_case(curves);
+    let mut text = conditions(curves);
+    let heads: Vec<_> = cases
+        .iter()
+        .flat_map(|(case, _)| {
+            IMAGE_FRAMES.map(|frames| format!("{case}: {frames} frames").replace("_main_indirect", ""))
+        })
+        .collect();
+    let _ = writeln!(text, "| what is solved | {} |\n|---|{}", heads.join(" | "), "---|".repeat(heads.len()));
+    let rows = cases.iter().map(|(_, of_case)| of_case.len()).max().unwrap_or(0);
+    for row in 0..rows {
+        let Some(first) = cases.first().and_then(|(_, of_case)| of_case.get(row)) else { continue };
+        let cells: Vec<_> = cases
+            .iter()
+            .flat_map(|(_, of_case)| {
+                IMAGE_FRAMES.map(|frames| {
+                    let curve = of_case.iter().find(|curve| curve.key.variant == first.key.variant);
+                    let point = curve.and_then(|curve| curve.points.iter().find(|point| point.samples == frames));
+                    point.map_or_else(|| "-".to_owned(), |point| format!("{:.4}", point.error))
+                })
+            })
+            .collect();
+        let _ = writeln!(text, "| {} | {} |", image_row(&first.key.variant), cells.join(" | "));
+    }
+    text
+}
+
 /// Geometric means of seconds and error over cases, by variant and budget, where every case has that budget.
 fn means_over_cases(curves: &[Curve]) -> Vec<(String, Vec<[f64; 2]>)> {
     let case_count = by_case(curves).len();
@@ -355,6 +404,24 @@ mod tests {
         let text = densities(&curves);
         assert!(text.contains("| radius, pixels | 2^16 surfels | 2^17 surfels |"), "{text}");
         assert!(text.contains("| 3 | 0.0125 (0, 0.50) | 0.0125 (0, 0.50) |"), "{text}");
+    }
+
+    #[test]
+    fn schemes_are_rows_and_pictures_with_frames_are_columns() {
+        let mut curves = Vec::new();
+        for case in ["a_main_indirect", "b_main_indirect"] {
+            for (reconstruction, knob) in [("image", "image=3"), ("none", "sharing=0")] {
+                let mut one = curve(case, "surfel", 0.5);
+                one.key.variant.reconstruction = Some(reconstruction.to_owned());
+                one.key.variant.knobs = vec![knob.to_owned()];
+                curves.push(one);
+            }
+        }
+        let text = images(&curves);
+        assert!(text.contains("| what is solved | a: 2 frames | a: 8 frames |"), "{text}");
+        assert!(text.contains("(`image=3`) |") && text.contains("| nothing (`none`) |"), "{text}");
+        let table = text.split("\n\n").last().unwrap_or_default();
+        assert!(table.lines().all(|line| line.matches('|').count() == 8), "{text}");
     }
 
     #[test]

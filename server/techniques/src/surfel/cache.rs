@@ -13,7 +13,7 @@ use crate::passes::scan::Scan;
 use crate::passes::upload::SceneBuffers;
 use crate::surfel::graph::SurfelGraph;
 use crate::surfel::grid::GridShape;
-use crate::surfel::settings::{Estimator, Grid, Reconstruction, SurfelSettings};
+use crate::surfel::settings::{Estimator, Grid, SurfelSettings};
 
 /// Smallest and largest capacity.
 const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];
@@ -193,10 +193,10 @@ impl SurfelCache {
             bins: buffer_of::<u32>(gpu, "bins", u64::from(SURFEL_RAY_BINS))?,
             candidates: buffer_of::<SurfelRecord>(gpu, "candidates", u64::from(candidate_count))?,
             counters: counters::buffer(gpu)?,
-            graph: if settings.reconstruction == Reconstruction::None {
-                None
-            } else {
+            graph: if settings.reconstruction.uses_graph() {
                 Some(SurfelGraph::new(gpu, surfels, settings.reconstruction)?)
+            } else {
+                None
             },
             no_hits: buffer_of::<FirstHit>(gpu, "first_hits", 1)?,
             live: 0,

@@ -17,29 +17,15 @@ use crate::surfel::update::Work;
 use crate::technique::TechniqueError;
 
 /// What every reconstruction runs.
-pub(crate) const KERNELS: &[&str] = &[
-    "graph_choose",
-    "graph_join",
-    "graph_checkpoint",
-    "graph_moments",
-    "graph_pool",
-    "graph_statistics",
-    "graph_regress",
-    "graph_blend",
-    "graph_output",
-];
-/// What measured differences take beside that.
-pub(crate) const SOLVE_KERNELS: &[&str] = &[
-    "graph_shift",
-    "graph_learn",
-    "graph_scales",
-    "graph_link",
-    "graph_shrink",
-    "graph_residual",
-    "graph_product",
-    "graph_advance",
-    "graph_turn",
-];
+pub(crate) const KERNELS: &[&str] =
+    &["graph_choose", "graph_join", "graph_checkpoint", "graph_moments", "graph_pool", "graph_statistics"];
+/// What measured differences take.
+pub(crate) const DIFFERENCE_KERNELS: &[&str] = &["graph_shift", "graph_learn", "graph_link"];
+/// What new values of surfels take.
+pub(crate) const VALUE_KERNELS: &[&str] = &["graph_regress", "graph_blend", "graph_output"];
+/// What a solve for those takes.
+pub(crate) const SOLVE_KERNELS: &[&str] =
+    &["graph_scales", "graph_shrink", "graph_residual", "graph_product", "graph_advance", "graph_turn"];
 
 /// Slots of edges for each surfel.
 pub(crate) const EDGE_SLOTS: u64 = 8;
@@ -72,16 +58,21 @@ pub(crate) struct SurfelGraph {
     pools: [Buffer; 2],
     partial_sums: Buffer,
     /// Where differences are measured.
+    shifted: Option<Shifted>,
+    /// Where they are solved for.
     solve: Option<Solve>,
 }
 
-/// What measuring differences and solving for them takes beside that.
+/// What measuring differences takes beside that, by ray.
+#[derive(Debug)]
+struct Shifted {
+    first_hits: Buffer,
+    shifts: Buffer,
+}
+
+/// What solving for them takes.
 #[derive(Debug)]
 struct Solve {
-    /// By ray.
-    first_hits: Buffer,
-    /// By ray.
-    shifts: Buffer,
     residuals: Buffer,
     directions: Buffer,
     products: Buffer,
@@ -91,10 +82,16 @@ impl SurfelGraph {
     pub(crate) fn new(gpu: &Gpu, capacity: u64, reconstruction: Reconstruction) -> Result<Self, GpuError> {
         let buffer = |label, bytes| cleared(gpu, label, bytes);
         let by_surfel = |label| buffer(label, capacity * 16);
-        let solve = if reconstruction == Reconstruction::Poisson {
-            Some(Solve {
+        let shifted = if reconstruction.measures_differences() {
+            Some(Shifted {
                 first_hits: buffer("first_hits", size_of::<FirstHit>() as u64)?,
                 shifts: buffer("shifts", SHIFT_BYTES)?,
+            })
+        } else {
+            None
+        };
+        let solve = if reconstruction == Reconstruction::Poisson {
+            Some(Solve {
                 residuals: by_surfel("node_residuals")?,
                 directions: by_surfel("node_directions")?,
                 products: by_surfel("node_products")?,
@@ -115,17 +112,18 @@ impl SurfelGraph {
             solutions: by_surfel("node_solutions")?,
             pools: [by_surfel("pool_a")?, by_surfel("pool_b")?],
             partial_sums: buffer("partial_sums", u64::from(SUM_GROUPS) * SUM_REGIONS * 16)?,
+            shifted,
             solve,
         })
     }
 
     /// Makes room for so many rays, where they are shifted.
     pub(crate) fn reserve(&mut self, gpu: &Gpu, rays: u64) -> Result<(), GpuError> {
-        if let Some(solve) = &mut self.solve
-            && solve.shifts.size_bytes() < rays * SHIFT_BYTES
+        if let Some(shifted) = &mut self.shifted
+            && shifted.shifts.size_bytes() < rays * SHIFT_BYTES
         {
-            solve.first_hits = cleared(gpu, "first_hits", rays * size_of::<FirstHit>() as u64)?;
-            solve.shifts = cleared(gpu, "shifts", rays * SHIFT_BYTES)?;
+            shifted.first_hits = cleared(gpu, "first_hits", rays * size_of::<FirstHit>() as u64)?;
+            shifted.shifts = cleared(gpu, "shifts", rays * SHIFT_BYTES)?;
         }
         Ok(())
     }
@@ -142,7 +140,12 @@ impl SurfelGraph {
 
     /// Where rays first hit something, where anybody asks.
     pub(crate) fn first_hits(&self) -> Option<&Buffer> {
-        self.solve.as_ref().map(|solve| &solve.first_hits)
+        self.shifted.as_ref().map(|shifted| &shifted.first_hits)
+    }
+
+    /// Slope of each surfel: by `graph_regress`, or by `image_slopes` where light is reconstructed in the image.
+    pub(crate) fn slopes(&self) -> &Buffer {
+        &self.gradients
     }
 }
 
@@ -198,17 +201,17 @@ impl SurfelCache {
             ("to_pool", &nodes.pools[pools.1]),
             ("partial_sums", &nodes.partial_sums),
         ];
+        let of_shifts =
+            nodes.shifted.as_ref().map(|shifted| [("first_hits", &shifted.first_hits), ("shifts", &shifted.shifts)]);
         let of_solve = nodes.solve.as_ref().map(|solve| {
             [
-                ("first_hits", &solve.first_hits),
-                ("shifts", &solve.shifts),
                 ("node_residuals", &solve.residuals),
                 ("node_directions", &solve.directions),
                 ("node_products", &solve.products),
             ]
         });
         let pass = graph.pass(kernels.get(name)?).uniform("cache", uniforms);
-        let all = named.into_iter().chain(of_solve.into_iter().flatten());
+        let all = named.into_iter().chain(of_shifts.into_iter().flatten()).chain(of_solve.into_iter().flatten());
         Ok(all.fold(pass, |pass, (name, buffer)| pass.bind_if_bound(name, buffer)))
     }
 
@@ -244,10 +247,11 @@ impl SurfelCache {
 
     /// Whether edges carry measured differences.
     pub(crate) fn measures_differences(&self) -> bool {
-        self.graph.as_ref().is_some_and(|graph| graph.solve.is_some())
+        self.graph.as_ref().is_some_and(|graph| graph.shifted.is_some())
     }
 
-    /// From the surfels' means, and the edges' differences where they are measured, to what gathers read.
+    /// From the surfels' means, and the edges' differences where they are measured, to what gathers read; or to slopes alone,
+    /// where light is reconstructed in the image.
     pub(crate) fn record_reconstruction(
         &self,
         graph: &mut Graph,
@@ -258,6 +262,7 @@ impl SurfelCache {
         let summing = sum_groups(self.live);
         let bytes = bytemuck::bytes_of(uniforms);
         let measures = self.measures_differences();
+        let solves = self.graph.as_ref().is_some_and(|graph| graph.solve.is_some());
         let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), TechniqueError> {
             Ok(self.graph_pass(graph, kernels, name, bytes, pools)?.dispatch(groups)?)
         };
@@ -267,21 +272,25 @@ impl SurfelCache {
         run("graph_checkpoint", (0, 1), each)?;
         run("graph_moments", (1, 0), each)?;
         // Only the solve weighs values, by a variance from far around. An even number of rings leaves the sums in the first pool.
-        for ring in 0..if measures { WIDE_RINGS } else { NEAR_RINGS } {
+        for ring in 0..if solves { WIDE_RINGS } else { NEAR_RINGS } {
             let from = ring as usize % 2;
             run("graph_pool", (from, 1 - from), each)?;
             if ring + 1 == NEAR_RINGS {
                 run("graph_statistics", (1 - from, from), each)?;
             }
         }
+        if self.settings().reconstruction.shows_means() {
+            run("graph_link", (1, 0), each)?;
+            return run("image_slopes", (0, 1), each);
+        }
         run("graph_regress", (0, 1), each)?;
         run("graph_pool", (1, 0), each)?;
         run("graph_pool", (0, 1), each)?;
-        if measures {
+        if solves {
             run("graph_scales", (1, 0), summing)?;
         }
         run("graph_blend", (1, 0), summing)?;
-        if measures {
+        if solves {
             run("graph_link", (1, 0), each)?;
             run("graph_pool", (0, 1), each)?;
             run("graph_shrink", (1, 0), each)?;
@@ -328,7 +337,7 @@ pub struct MeasuredDifference {
 impl SurfelCache {
     /// Every edge of the graph that both ends have measured, once. Empty without reconstruction by differences.
     pub fn measured_differences(&self, gpu: &Gpu) -> Result<Vec<MeasuredDifference>, GpuError> {
-        let Some(graph) = self.graph.as_ref().filter(|graph| graph.solve.is_some()) else { return Ok(Vec::new()) };
+        let Some(graph) = self.graph.as_ref().filter(|graph| graph.shifted.is_some()) else { return Ok(Vec::new()) };
         let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
         let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.capacity) * EDGE_SLOTS)?;
         let slots_of = |id: u32| edges.iter().skip(id as usize * EDGE_SLOTS as usize).take(EDGE_SLOTS as usize);

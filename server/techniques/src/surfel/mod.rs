@@ -11,6 +11,7 @@ mod cache;
 mod fill;
 mod graph;
 mod grid;
+mod image;
 mod look;
 mod reuse;
 mod settings;
@@ -31,7 +32,7 @@ pub use cache::SurfelCache;
 pub use graph::MeasuredDifference;
 pub use look::SurfelOutput;
 pub use reuse::EarlierFrame;
-pub use settings::{Apply, Estimator, Grid, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
+pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
 
 use crate::passes::features::{features_for, general_features};
@@ -42,6 +43,7 @@ use crate::passes::upload::SceneBuffers;
 use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{UpdateStage, cache_camera};
+use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::reuse::Reuse;
 use crate::surfel::settle::Settle;
 use crate::surfel::splat::Splat;
@@ -92,9 +94,12 @@ const KERNELS: &[&str] = &[
 /// What a picture with these settings runs, and no more.
 fn kernels_for(settings: &SurfelSettings) -> Vec<&'static str> {
     let optional = [
-        (settings.reconstruction == Reconstruction::None, &["surfel_share"][..]),
-        (settings.reconstruction != Reconstruction::None, graph::KERNELS),
+        (settings.reconstruction.shows_means(), &["surfel_share"][..]),
+        (!settings.reconstruction.shows_means(), graph::VALUE_KERNELS),
+        (settings.reconstruction.uses_graph(), graph::KERNELS),
+        (settings.reconstruction.measures_differences(), graph::DIFFERENCE_KERNELS),
         (settings.reconstruction == Reconstruction::Poisson, graph::SOLVE_KERNELS),
+        (settings.reconstruction == Reconstruction::Image, image::KERNELS),
         (settings.bins_rays, &["surfel_bin_count", "surfel_bin_scatter"]),
         (settings.initial != Initial::Gaps, &["surfel_seed"]),
     ];
@@ -111,6 +116,15 @@ const VISIBILITY_PIXELS: u32 = 1 << 18;
 const QUIET_GAIN: f32 = 0.02;
 const QUIET_FRAMES: u32 = 3;
 
+/// What a piece of a frame leaves to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    Partial,
+    /// The rest waits for the next step.
+    EndOfStep,
+    Whole,
+}
+
 /// Where a frame stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
@@ -121,6 +135,8 @@ enum Phase {
     Update,
     /// Pixels from here on are still to be shaded.
     Shade(u32),
+    /// Their light is being reconstructed in the image.
+    Reconstruct,
 }
 
 struct SurfelPicture {
@@ -159,6 +175,8 @@ struct SurfelPicture {
     splat: Option<Splat>,
     /// B and reflections, where asked for.
     split: Option<(Buffer, Buffer)>,
+    /// Where light is reconstructed in the image.
+    image: Option<ImageReconstruction>,
     counters: Buffer,
 }
 
@@ -208,6 +226,7 @@ impl SurfelPicture {
             } else {
                 None
             },
+            image: ImageReconstruction::new(gpu, &options)?,
             counters: counters::buffer(gpu)?,
             options,
         })
@@ -318,6 +337,9 @@ impl SurfelPicture {
             pass = pass.read_write("split_irradiance", irradiance).read_write("split_reflection", reflection);
         }
         pass.dispatch(workgroups_of(range))?;
+        if let Some(image) = &self.image {
+            image.record_gather(&mut graph, work, cache, &frame, [&self.visible, &self.points])?;
+        }
         if let Some(reuse) =
             self.reuse.as_mut().filter(|_| first + range == self.options.size[0] * self.options.size[1])
         {
@@ -330,7 +352,7 @@ impl SurfelPicture {
         Ok(range)
     }
 
-    /// The next piece of a frame of the cache, of so many paths. Returns whether the frame is whole.
+    /// The next piece of a frame of the cache, of so many paths.
     fn advance_frame(
         &mut self,
         work: &Work<'_>,
@@ -339,7 +361,7 @@ impl SurfelPicture {
         frame: &FrameUniforms,
         left: u64,
         step: &mut Step,
-    ) -> Result<bool, TechniqueError> {
+    ) -> Result<Progress, TechniqueError> {
         match self.phase {
             // Whoever comes first finishes the update under way: nothing else may touch the cache meanwhile.
             Phase::Start | Phase::Update if cache.stage != UpdateStage::Idle => {
@@ -358,10 +380,33 @@ impl SurfelPicture {
                 let done = self.shade(work, cache, frame, first, left, step)?;
                 step.paths += u64::from(done);
                 self.phase = Phase::Shade(first + done);
-                return Ok(first + done == self.pixel_count());
+                if first + done < self.pixel_count() {
+                    return Ok(Progress::Partial);
+                } else if self.image.is_none() {
+                    return Ok(Progress::Whole);
+                }
+                // The next step solves: it traces no path, so it says nothing of the rate of paths.
+                self.phase = Phase::Reconstruct;
+                return Ok(Progress::EndOfStep);
+            }
+            Phase::Reconstruct => {
+                let picture = self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+                let irradiance = self.split.as_ref().map(|(irradiance, _)| irradiance);
+                let drawn = Drawn { points: &self.points, picture, irradiance };
+                let is_solved = match &mut self.image {
+                    Some(image) => image.advance(work.gpu, frame, &drawn, step)?,
+                    None => true,
+                };
+                return Ok(if is_solved { Progress::Whole } else { Progress::EndOfStep });
             }
         }
-        Ok(false)
+        Ok(Progress::Partial)
+    }
+
+    /// What the cache has to show.
+    fn cache_picture(&self) -> &Buffer {
+        let gathered = || self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+        self.image.as_ref().map_or_else(gathered, ImageReconstruction::picture)
     }
 
     /// A frame of the cache is whole.
@@ -425,11 +470,10 @@ impl SurfelPicture {
 
     /// Weighs the cache's picture and the paths'.
     fn combine(&mut self, gpu: &Gpu, view: &FrameView, step: &mut Step) -> Result<(), TechniqueError> {
-        let picture = self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
-        if let Some(settle) = &mut self.settle {
-            settle.combine(gpu, picture, self.samples, view.exposure, step)?;
-        }
-        Ok(())
+        let Some(mut settle) = self.settle.take() else { return Ok(()) };
+        let combined = settle.combine(gpu, self.cache_picture(), self.samples, view.exposure, step);
+        self.settle = Some(settle);
+        Ok(combined?)
     }
 }
 
@@ -474,10 +518,12 @@ impl Technique for SurfelPicture {
                 continue;
             }
             let rays_before = step.rays.iter().sum::<u64>();
-            let is_whole = self.advance_frame(&work, &mut cache, view, &frame, left, &mut step)?;
+            let progress = self.advance_frame(&work, &mut cache, view, &frame, left, &mut step)?;
             self.frame_rays += step.rays.iter().sum::<u64>() - rays_before;
-            if is_whole {
+            if progress == Progress::Whole {
                 self.end_frame(gpu, &cache, view, &mut step)?;
+            }
+            if progress != Progress::Partial {
                 return Ok(step);
             }
         }
@@ -503,6 +549,9 @@ impl Technique for SurfelPicture {
         if let Some(settle) = &mut self.settle {
             settle.restart();
         }
+        if let Some(image) = &mut self.image {
+            image.restart();
+        }
         self.samples = 0;
         self.frame_rays = 0;
         self.phase = Phase::Start;
@@ -520,7 +569,7 @@ impl Technique for SurfelPicture {
 
     fn picture(&self) -> &Buffer {
         let settled = self.settle.as_ref().and_then(Settle::picture);
-        settled.or_else(|| self.reuse.as_ref().and_then(Reuse::picture)).unwrap_or(&self.accumulation)
+        settled.unwrap_or_else(|| self.cache_picture())
     }
 
     fn samples(&self) -> u32 {
@@ -528,7 +577,8 @@ impl Technique for SurfelPicture {
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {
-        self.split.as_ref().map(|(irradiance, _)| (&self.direct, irradiance))
+        let reconstructed = self.image.as_ref().and_then(ImageReconstruction::irradiance);
+        self.split.as_ref().map(|(irradiance, _)| (&self.direct, reconstructed.unwrap_or(irradiance)))
     }
 
     fn reflection(&self) -> Option<&Buffer> {

@@ -1,5 +1,7 @@
 //! Knobs of the surfel cache: what turning each up buys, and what it costs.
 
+use surfelcast_shaders::constants::{IMAGE_MASKED, IMAGE_SUMMED, IMAGE_UNMASKED, IMAGE_UNSCREENED, IMAGE_WEIGHED};
+
 /// How a surfel's mean follows its rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Estimator {
@@ -42,12 +44,15 @@ pub enum Reconstruction {
     /// The screened Poisson problem on the graph of surfels, with differences measured by reconnected rays.
     #[default]
     Poisson,
+    /// Each surfel keeps its own mean; the pixels' light solves a screened Poisson problem with what they gather of measured
+    /// differences (after Noack 2022), to compare with.
+    Image,
 }
 
 impl Reconstruction {
     /// All by name.
-    pub const ALL: [(&'static str, Self); 3] =
-        [("none", Self::None), ("regression", Self::Regression), ("poisson", Self::Poisson)];
+    pub const ALL: [(&'static str, Self); 4] =
+        [("none", Self::None), ("regression", Self::Regression), ("poisson", Self::Poisson), ("image", Self::Image)];
 
     /// The one of that name.
     pub fn by_name(name: &str) -> Option<Self> {
@@ -55,7 +60,7 @@ impl Reconstruction {
     }
 
     /// All names.
-    pub fn names() -> [&'static str; 3] {
+    pub fn names() -> [&'static str; 4] {
         Self::ALL.map(|(name, _)| name)
     }
 
@@ -63,6 +68,39 @@ impl Reconstruction {
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, known)| *known == self).map_or("none", |(name, _)| name)
     }
+
+    /// Whether surfels are joined to their neighbours.
+    pub(crate) fn uses_graph(self) -> bool {
+        self != Self::None
+    }
+
+    /// Whether rays are reconnected to neighbours.
+    pub(crate) fn measures_differences(self) -> bool {
+        matches!(self, Self::Poisson | Self::Image)
+    }
+
+    /// Whether surfels show what they measured themselves.
+    pub(crate) fn shows_means(self) -> bool {
+        matches!(self, Self::None | Self::Image)
+    }
+}
+
+/// Where [`Reconstruction::Image`] takes its differences from: ours, then in steps back to the scheme of Noack 2022, so that
+/// each cause of its failure can be told apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImageScheme {
+    /// Slopes by the normalised weights of a gather; pixels that no smooth surface joins are not tied together, others as far
+    /// as values are noisier than slopes are wrong.
+    #[default]
+    Weighed = IMAGE_WEIGHED as isize,
+    /// Others all alike.
+    Masked = IMAGE_MASKED as isize,
+    /// All neighbouring pixels are.
+    Unmasked = IMAGE_UNMASKED as isize,
+    /// Slopes of all overlapping surfels, added up.
+    Summed = IMAGE_SUMMED as isize,
+    /// And values count for next to nothing.
+    Unscreened = IMAGE_UNSCREENED as isize,
 }
 
 /// How surfels come to a picture's pixels.
@@ -99,6 +137,8 @@ pub struct SurfelSettings {
     pub respects_depth: bool,
     /// How light is reconstructed from the surfels.
     pub reconstruction: Reconstruction,
+    /// How, where that happens in the image. A wish of the picture's.
+    pub image: ImageScheme,
     /// Without reconstruction, young surfels borrow from neighbours.
     pub shares: bool,
     /// Estimator.
@@ -133,6 +173,7 @@ impl SurfelSettings {
         guided_share: 0.0,
         respects_depth: true,
         reconstruction: Reconstruction::Poisson,
+        image: ImageScheme::Weighed,
         shares: true,
         estimator: Estimator::RunningMean,
         feeds_back: true,
@@ -222,6 +263,21 @@ pub const KNOBS: &[Knob] = &[
         help: "1: surfels do not light what a wall hides from them. Costs a few percent of the frame",
         get: |settings| f32::from(settings.respects_depth),
         set: |settings, value| settings.respects_depth = value >= 0.5,
+    },
+    Knob {
+        name: "image",
+        range: [0.0, 4.0],
+        help: "with reconstruction in the image, 0: differences by normalised weights, none across folds and steps, each as far as it is believed; 1: believed alike; 2: across folds and steps too; 3: slopes of all overlapping surfels added up, as published; 4: and values all but left out. From 1 on for comparison: worse",
+        get: |settings| settings.image as u8 as f32,
+        set: |settings, value| {
+            settings.image = match value.round() as u8 {
+                0 => ImageScheme::Weighed,
+                1 => ImageScheme::Masked,
+                2 => ImageScheme::Unmasked,
+                3 => ImageScheme::Summed,
+                _ => ImageScheme::Unscreened,
+            };
+        },
     },
     Knob {
         name: "sharing",
@@ -333,7 +389,14 @@ impl SurfelSettings {
 
     /// Settings without the wishes of a single picture: pictures that differ in those share a cache.
     pub(crate) fn of_cache(&self) -> Self {
-        Self { pins: false, apply: Apply::Gather, reuses_direct: true, settles: true, ..*self }
+        Self {
+            pins: false,
+            apply: Apply::Gather,
+            reuses_direct: true,
+            settles: true,
+            image: ImageScheme::Weighed,
+            ..*self
+        }
     }
 
     /// Value of a knob.

@@ -473,7 +473,8 @@ impl SurfelCache {
             .dispatch(groups)?;
         if self.graph.is_some() {
             self.record_reconstruction(graph, kernels, uniforms)?;
-        } else {
+        }
+        if self.settings().reconstruction.shows_means() {
             self.bind(graph.pass(kernels.get("surfel_share")?))
                 .uniform("cache", bytes)
                 .read("surfel_lists", &self.lists)

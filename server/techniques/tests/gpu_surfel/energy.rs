@@ -59,6 +59,7 @@ fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
     check("no reconstruction, sharing", &faces, plain);
     check("no reconstruction, no sharing", &faces, SurfelSettings { shares: false, ..plain });
     check("regression", &faces, SurfelSettings { reconstruction: Reconstruction::Regression, ..settings() });
+    check("in the image", &faces, SurfelSettings { reconstruction: Reconstruction::Image, ..settings() });
     check("no feedback", &faces, SurfelSettings { feeds_back: false, ..settings() });
     check("no depth", &faces, SurfelSettings { respects_depth: false, ..settings() });
     // The multiscale estimator never averages longer than its window, so its blocks stay noisy; its mean has to hold.

@@ -6,6 +6,7 @@ mod binning;
 mod change;
 mod energy;
 mod grid;
+mod image;
 mod initial;
 mod leaks;
 mod persistence;

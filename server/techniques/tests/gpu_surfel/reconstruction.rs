@@ -6,14 +6,14 @@ use surfelcast_techniques::surfel::Reconstruction;
 use crate::rig::{Rig, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
 
-const SIZE: [u32; 2] = [64, 48];
+pub(crate) const SIZE: [u32; 2] = [64, 48];
 
 fn luminance(c: [f32; 3]) -> f64 {
     f64::from(c[0]) * 0.2126 + f64::from(c[1]) * 0.7152 + f64::from(c[2]) * 0.0722
 }
 
 /// A room with a lamp under the ceiling and a board that stands in the way.
-fn room() -> Vec<Face> {
+pub(crate) fn room() -> Vec<Face> {
     let mut faces = inside_of_box([-1.0; 3], [1.0; 3], Paint::matte(0.6));
     let lamp = vec![[-0.3, 0.95, -0.3], [0.3, 0.95, -0.3], [0.3, 0.95, 0.3], [-0.3, 0.95, 0.3]];
     let board = vec![[-0.6, -1.0, -0.2], [0.2, -1.0, -0.2], [0.2, 0.1, -0.2], [-0.6, 0.1, -0.2]];
@@ -22,7 +22,7 @@ fn room() -> Vec<Face> {
     faces
 }
 
-fn settings(reconstruction: Reconstruction) -> SurfelSettings {
+pub(crate) fn settings(reconstruction: Reconstruction) -> SurfelSettings {
     SurfelSettings { reconstruction, shares: false, rays_per_pixel: 2.0, target_error: 0.0, ..SurfelSettings::BALANCED }
 }
 
@@ -36,7 +36,7 @@ fn pictures(reconstruction: Reconstruction, frames: u32) -> Vec<f32> {
     rig.read(irradiance).iter().map(|pixel| pixel[0]).collect()
 }
 
-fn rmse(values: &[f32], truth: &[f32]) -> f64 {
+pub(crate) fn rmse(values: &[f32], truth: &[f32]) -> f64 {
     let tone = |x: f32| f64::from(x) / (1.0 + f64::from(x));
     let squares = values.iter().zip(truth).map(|(&a, &b)| (tone(a) - tone(b)).powi(2)).sum::<f64>();
     (squares / values.len() as f64).sqrt()

@@ -44,6 +44,10 @@ impl<'a> Rig<'a> {
     }
 
     pub(crate) fn picture(&self) -> Box<dyn Technique> {
+        self.picture_by("surfel")
+    }
+
+    pub(crate) fn picture_by(&self, technique: &str) -> Box<dyn Technique> {
         let options = TechniqueOptions {
             size: self.size,
             full_size: self.size,
@@ -53,7 +57,7 @@ impl<'a> Rig<'a> {
             waits_for_kernels: true,
             surfel: self.settings,
         };
-        let entry = registry::by_id("surfel").unwrap();
+        let entry = registry::by_id(technique).unwrap();
         (entry.create)(self.gpu, &self.buffers, &self.lights, &self.session, options).unwrap()
     }
 
