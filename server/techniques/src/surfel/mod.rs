@@ -57,9 +57,8 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     id: "surfel",
     label: "Surfel cache",
     summary: "Real-time default: indirect light from a cache that all views share and that stays.",
-    conformance: |settings| match settings.settles {
-        true => Conformance::Consistent,
-        false => Conformance::Biased { rmse_tonemapped: 0.03 },
+    conformance: |settings| {
+        if settings.settles { Conformance::Consistent } else { Conformance::Biased { rmse_tonemapped: 0.03 } }
     },
     kernels: kernels_for,
     uses_surfels: true,
