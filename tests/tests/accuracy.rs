@@ -116,8 +116,8 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
-/// The cache's picture after 48 frames: within the error that the gates allow a converged one, and the audit, which sees its
-/// bias too, is right about it.
+/// The cache's picture after 24 frames: within the error already that the gates allow a converged one, and the audit, which
+/// sees its bias too, is right about it.
 #[test]
 fn the_surfel_cache_matches_its_references() -> Result<()> {
     const LIMITS: [(&str, f64); 6] = [
@@ -136,7 +136,7 @@ fn the_surfel_cache_matches_its_references() -> Result<()> {
     let mut faults = Vec::new();
     for reference in Reference::read_all(&shared)? {
         let Some((_, limit)) = LIMITS.iter().find(|(name, _)| *name == reference.name) else { continue };
-        let point = renderer.measure(&reference, 48)?;
+        let point = renderer.measure(&reference, 24)?;
         println!(
             "{}: RMSE {:.5}, bias {:+.2} %, audit {:.5}, {} surfels, {:.1} s",
             reference.name,
