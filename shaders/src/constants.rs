@@ -57,6 +57,8 @@ shader_constants! {
     SURFEL_HIT_CANDIDATES: u32 = 4096;
     /// Slots in which those compete.
     SURFEL_CLAIM_SLOTS: u32 = 16384;
+    /// Side, in pixels, of the tiles over which a settling picture is compared with a path-traced one.
+    SETTLE_TILE: u32 = 8;
     /// Bins of rays: 12 bits of place, 4 of direction.
     SURFEL_RAY_BINS: u32 = 65536;
     /// Octaves of distance, from half the edge of its cube on, that the trapezoidal grid's slices span.

@@ -12,6 +12,7 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::Features;
+use surfelcast_shaders::constants::SETTLE_TILE;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SettleUniforms;
 
@@ -46,8 +47,6 @@ const SURFEL_COST: f64 = 8.0;
 const GUESSED_RAYS: f64 = 8.0;
 /// Keeps the paths' random numbers apart from those of the cache's pictures.
 const SEED_SALT: u64 = 0x7c31_9d52_e60b_48af;
-/// Side of a tile in pixels, as `weighing.wesl` has it.
-const TILE: u32 = 8;
 
 /// Sums over a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -133,8 +132,6 @@ pub(crate) struct Settle {
     ledger: Ledger,
     /// Samples of paths that count as samples of the picture: those taken in turns of their own.
     counted: u32,
-    /// Samples of paths when the turn in hand began.
-    turn_began: u32,
     is_shown: bool,
 }
 
@@ -142,16 +139,7 @@ impl Settle {
     /// For a picture of a scene with these features, which are not [`surfelcast_shaders::Feature::Split`] or
     /// [`surfelcast_shaders::Feature::Splat`].
     pub(crate) const fn new(options: TechniqueOptions, features: Features) -> Self {
-        Self {
-            options,
-            features,
-            made: None,
-            is_refused: false,
-            ledger: Ledger::new(),
-            counted: 0,
-            turn_began: 0,
-            is_shown: false,
-        }
+        Self { options, features, made: None, is_refused: false, ledger: Ledger::new(), counted: 0, is_shown: false }
     }
 
     /// Camera or lights changed.
@@ -160,7 +148,7 @@ impl Settle {
             made.paths.restart();
         }
         self.ledger = Ledger::new();
-        (self.counted, self.turn_began) = (0, 0);
+        self.counted = 0;
         self.is_shown = false;
     }
 
@@ -190,7 +178,6 @@ impl Settle {
             return Ok(None);
         }
         let count = self.path_count();
-        self.turn_began = count;
         let pixel_count = self.options.size[0] * self.options.size[1];
         let goal = match self.ledger.turn {
             Turn::Paths => count.saturating_add(left),
@@ -240,16 +227,13 @@ impl Settle {
         budget: StepBudget,
     ) -> Result<Step, GpuError> {
         let Some(made) = &mut self.made else { return Ok(Step { is_whole: true, ..Step::default() }) };
+        let before = made.paths.count();
         let mut step = made.paths.step(gpu, scene, lights, view, budget)?;
         self.ledger.path_cost += step.rays.iter().sum::<u64>() as f64;
         let count = made.paths.count();
         match self.ledger.turn {
-            Turn::Paths if step.is_whole => self.counted += count - self.turn_began,
+            Turn::Paths => self.counted += count - before,
             Turn::Cache => step.is_whole = count >= budget.until_samples,
-            Turn::Paths => {}
-        }
-        if step.is_whole {
-            self.turn_began = count;
         }
         Ok(step)
     }
@@ -316,7 +300,7 @@ impl Settle {
 }
 
 fn tile_count([width, height]: [u32; 2]) -> u32 {
-    width.div_ceil(TILE) * height.div_ceil(TILE)
+    width.div_ceil(SETTLE_TILE) * height.div_ceil(SETTLE_TILE)
 }
 
 /// Sums over tiles, in order.

@@ -42,7 +42,7 @@ fn truth() -> (Vec<f32>, f64) {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let rig = Rig::new(&gpu, &scene, settings(Reconstruction::None), SIZE);
-    let mut picture = rig.picture_by("path");
+    let mut picture = rig.picture_by("path", 5);
     let mut look = |samples| {
         rig.frames(picture.as_mut(), at(), samples);
         irradiance(&rig, picture.as_ref())

@@ -44,16 +44,16 @@ impl<'a> Rig<'a> {
     }
 
     pub(crate) fn picture(&self) -> Box<dyn Technique> {
-        self.picture_by("surfel")
+        self.picture_by("surfel", 5)
     }
 
-    pub(crate) fn picture_by(&self, technique: &str) -> Box<dyn Technique> {
+    pub(crate) fn picture_by(&self, technique: &str, seed: u64) -> Box<dyn Technique> {
         let options = TechniqueOptions {
             size: self.size,
             full_size: self.size,
             materials: self.materials,
             is_split: self.is_split,
-            seed: 5,
+            seed,
             waits_for_kernels: true,
             surfel: self.settings,
         };

@@ -3,11 +3,12 @@
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::surfel::{Estimator, Reconstruction};
-use surfelcast_techniques::technique::{Change, StepBudget, Technique, TechniqueOptions};
-use surfelcast_techniques::{FrameView, MaterialMode, SessionState, SurfelSettings, registry};
+use surfelcast_techniques::technique::{Change, StepBudget, Technique};
+use surfelcast_techniques::{FrameView, SurfelSettings};
 
+use crate::reconstruction::{rmse, room};
 use crate::rig::{Rig, camera, gpu};
-use crate::scenes::{Face, Paint, inside_of_box, scene};
+use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
 /// The multiscale estimator never comes to rest and nothing is made of what it says, so that the cache stays a good deal off and
@@ -19,15 +20,6 @@ const COARSE: SurfelSettings = SurfelSettings {
     ..SurfelSettings::BALANCED
 };
 const TRUTH_SAMPLES: u32 = 2048;
-
-fn room() -> Vec<Face> {
-    let mut faces = inside_of_box([-1.0; 3], [1.0; 3], Paint::matte(0.6));
-    let lamp = vec![[-0.3, 0.95, -0.3], [0.3, 0.95, -0.3], [0.3, 0.95, 0.3], [-0.3, 0.95, 0.3]];
-    let board = vec![[-0.6, -1.0, -0.2], [0.2, -1.0, -0.2], [0.2, 0.1, -0.2], [-0.6, 0.1, -0.2]];
-    faces.push((lamp, Paint::lamp(8.0)));
-    faces.push((board, Paint::matte(0.6)));
-    faces
-}
 
 fn view() -> Camera {
     camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0])
@@ -52,25 +44,15 @@ fn render(rig: &Rig<'_>, picture: &mut dyn Technique, samples: u32, paths: u64) 
     rays
 }
 
+/// A path-traced picture and its rays.
 fn path(rig: &Rig<'_>, samples: u32, seed: u64) -> (Vec<f32>, u64) {
-    let options = TechniqueOptions {
-        size: SIZE,
-        full_size: SIZE,
-        materials: MaterialMode::Lambert,
-        is_split: false,
-        seed,
-        waits_for_kernels: true,
-        surfel: SurfelSettings::BALANCED,
-    };
-    let create = registry::by_id("path").unwrap().create;
-    let mut picture = create(rig.gpu, &rig.buffers, &rig.lights, &SessionState::default(), options).unwrap();
+    let mut picture = rig.picture_by("path", seed);
     let rays = render(rig, picture.as_mut(), samples, u64::MAX);
     (rig.values(picture.as_ref()), rays)
 }
 
 fn mse(values: &[f32], truth: &[f32]) -> f64 {
-    let tone = |x: f32| f64::from(x) / (1.0 + f64::from(x));
-    values.iter().zip(truth).map(|(&a, &b)| (tone(a) - tone(b)).powi(2)).sum::<f64>() / values.len() as f64
+    rmse(values, truth).powi(2)
 }
 
 #[test]
