@@ -230,7 +230,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
     let mut encoder = new_encoder(inner, &graph.label);
     for step in &graph.steps {
         match step {
-            Step::Clear(buffer) => encoder.clear_buffer(&buffer.inner.raw, 0, None),
+            Step::Clear(buffer, bytes) => encoder.clear_buffer(&buffer.inner.raw, 0, Some(*bytes)),
             Step::ReadBack(index) => {
                 let read_back = &graph.read_backs[*index];
                 let length = read_back.aligned.end - read_back.aligned.start;

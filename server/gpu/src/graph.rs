@@ -37,7 +37,8 @@ pub struct Graph {
 }
 
 pub(crate) enum Step {
-    Clear(Buffer),
+    /// So many bytes from the start.
+    Clear(Buffer, u64),
     Pass(Pass),
     /// Index into the read backs; copied here, so that later passes do not show in it.
     ReadBack(usize),
@@ -46,7 +47,7 @@ pub(crate) enum Step {
 impl fmt::Debug for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Step::Clear(buffer) => write!(f, "clear {}", buffer.label()),
+            Step::Clear(buffer, _) => write!(f, "clear {}", buffer.label()),
             Step::Pass(pass) => write!(f, "pass {}", pass.kernel.name()),
             Step::ReadBack(index) => write!(f, "read back {index}"),
         }
@@ -110,9 +111,18 @@ impl Graph {
 
     /// Fills the buffer with zeros.
     pub fn clear(&mut self, buffer: &Buffer) -> Result<(), GpuError> {
+        self.clear_first(buffer, buffer.size_bytes())
+    }
+
+    /// Fills the first bytes of the buffer with zeros. Takes a multiple of four, and no more than there are.
+    pub fn clear_first(&mut self, buffer: &Buffer, bytes: u64) -> Result<(), GpuError> {
         self.owns(buffer, "clear")?;
+        if bytes > buffer.size_bytes() || !bytes.is_multiple_of(4) {
+            let message = format!("{bytes} bytes are no multiple of four or pass the end at {}", buffer.size_bytes());
+            return Err(GpuError::Validation { context: format!("clear of `{}`", buffer.label()), message });
+        }
         self.mark_written(buffer);
-        self.steps.push(Step::Clear(buffer.clone()));
+        self.steps.push(Step::Clear(buffer.clone(), bytes));
         Ok(())
     }
 

@@ -31,6 +31,12 @@ const FEWEST_RAYS: u32 = 4096;
 const MOST_RAYS: u32 = 1 << 22;
 /// Pixels whose camera rays are traced in one submission.
 const VISIBILITY_PIXELS: u32 = 1 << 18;
+/// Samples of each pixel in the first frames and in those after them. A first frame comes as soon as it can, and while something
+/// moves there is no other. Then a sample takes about a quarter of what the rest of a frame does, so that noise per second is
+/// least with as many of them as twice the root of its share in the noise of a frame: two where half of the noise is that of
+/// pixels, more where edges and shadows make up most of it.
+const SAMPLES_OF_FRAME: [u32; 2] = [1, 3];
+const SAMPLES_OF_LATER_FRAME: u32 = 2;
 /// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
 const QUIET_GAIN: f32 = 0.02;
 const QUIET_FRAMES: u32 = 3;
@@ -52,6 +58,8 @@ enum Phase {
     Paths(u32),
     /// The cache is being updated.
     Update,
+    /// Camera rays of a further sample are to be traced.
+    Look,
     /// Pixels from here on are still to be shaded.
     Shade(u32),
     /// Their light is being reconstructed in the image.
@@ -68,6 +76,10 @@ pub(super) struct SurfelPicture {
     phase: Phase,
     /// Frames of the cache.
     samples: u32,
+    /// Samples of each pixel that they took.
+    pixel_samples: u32,
+    /// Samples that the frame in hand still takes after this one.
+    samples_left: u32,
     /// Where the picture settles to the truth.
     settle: Option<Settle>,
     /// Rays of the frame in hand.
@@ -124,6 +136,8 @@ impl SurfelPicture {
             seen_update: 0,
             phase: Phase::Start,
             samples: 0,
+            pixel_samples: 0,
+            samples_left: 0,
             // What is split apart is the cache's alone.
             settle: (options.surfel.settles && !options.is_split)
                 .then(|| Settle::new(options, features.set(Feature::Splat, false))),
@@ -184,21 +198,7 @@ impl SurfelPicture {
         step: &mut Step,
     ) -> Result<(), TechniqueError> {
         cache.set_camera(self.camera, cache_camera(view, work.scene.origin, self.options.full_size), view.exposure);
-        // In pieces, so that no submission of a large picture holds the device for long.
-        for first in (0..self.pixel_count()).step_by(VISIBILITY_PIXELS as usize) {
-            let mut piece = *frame;
-            piece.first_pixel = first;
-            piece.pixel_count = VISIBILITY_PIXELS.min(self.pixel_count() - first);
-            let mut graph = work.gpu.graph("surfel_visibility");
-            work.lights
-                .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
-                .uniform("frame", bytemuck::bytes_of(&piece))
-                .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
-                .read_write("visible", &self.visible)
-                .read_write("visible_points", &self.points)
-                .dispatch(workgroups_of(piece.pixel_count))?;
-            merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
-        }
+        self.look(work, cache, frame, step)?;
         cache.file(work, step)?;
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
@@ -217,7 +217,35 @@ impl SurfelPicture {
         if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
             cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(), step)?;
         }
+        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(SAMPLES_OF_LATER_FRAME);
+        self.samples_left = if self.image.is_some() { 0 } else { samples - 1 };
         self.phase = Phase::Update;
+        Ok(())
+    }
+
+    /// Camera rays of a sample.
+    fn look(
+        &self,
+        work: &Work<'_>,
+        cache: &SurfelCache,
+        frame: &FrameUniforms,
+        step: &mut Step,
+    ) -> Result<(), TechniqueError> {
+        // In pieces, so that no submission of a large picture holds the device for long.
+        for first in (0..self.pixel_count()).step_by(VISIBILITY_PIXELS as usize) {
+            let mut piece = *frame;
+            piece.first_pixel = first;
+            piece.pixel_count = VISIBILITY_PIXELS.min(self.pixel_count() - first);
+            let mut graph = work.gpu.graph("surfel_visibility");
+            work.lights
+                .bind(work.scene.bind(graph.pass(self.kernels.get("surfel_visibility")?)))
+                .uniform("frame", bytemuck::bytes_of(&piece))
+                .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
+                .read_write("visible", &self.visible)
+                .read_write("visible_points", &self.points)
+                .dispatch(workgroups_of(piece.pixel_count))?;
+            merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
+        }
         Ok(())
     }
 
@@ -233,7 +261,7 @@ impl SurfelPicture {
         let range = u32::try_from(limit).unwrap_or(u32::MAX).max(64).min(self.pixel_count() - first);
         let mut frame = *frame;
         (frame.first_pixel, frame.pixel_count) = (first, range);
-        frame.selector = if self.reuse.is_some() { Reuse::selector(self.samples, self.turn) } else { 0 };
+        frame.selector = if self.reuse.is_some() { Reuse::selector(self.pixel_samples, self.turn) } else { 0 };
         let uniforms = cache.uniforms(0);
         let mut graph = work.gpu.graph("surfel_shade");
         if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
@@ -295,11 +323,22 @@ impl SurfelPicture {
                 self.seen_update = cache.update;
                 self.phase = Phase::Shade(0);
             }
+            Phase::Look => {
+                self.look(work, cache, frame, step)?;
+                step.paths += u64::from(self.pixel_count());
+                self.phase = Phase::Shade(0);
+            }
             Phase::Shade(first) => {
                 let done = self.shade(work, cache, frame, first, left, step)?;
                 step.paths += u64::from(done);
                 self.phase = Phase::Shade(first + done);
                 if first + done < self.pixel_count() {
+                    return Ok(Progress::Partial);
+                }
+                if self.samples_left > 0 {
+                    self.samples_left -= 1;
+                    self.pixel_samples += 1;
+                    self.phase = Phase::Look;
                     return Ok(Progress::Partial);
                 } else if self.image.is_none() {
                     return Ok(Progress::Whole);
@@ -338,6 +377,7 @@ impl SurfelPicture {
     ) -> Result<(), TechniqueError> {
         self.phase = Phase::Start;
         self.samples += 1;
+        self.pixel_samples += 1;
         step.is_whole = true;
         let rays = std::mem::take(&mut self.frame_rays);
         if let Some(settle) = &mut self.settle {
@@ -419,7 +459,6 @@ impl Technique for SurfelPicture {
         let shared = Arc::clone(&self.cache);
         let mut cache = shared.lock();
         let mut frame = view.uniforms(scene, lights, self.kernels.running(), self.options.seed);
-        frame.first_sample = self.samples;
         frame.sample_count = 1;
         // The kernels are taken out for the length of the step, so that they and the rest can be borrowed apart.
         let kernels = self.kernels.clone();
@@ -436,6 +475,7 @@ impl Technique for SurfelPicture {
                 }
                 continue;
             }
+            frame.first_sample = self.pixel_samples;
             let rays_before = step.rays.iter().sum::<u64>();
             let progress = self.advance_frame(&work, &mut cache, view, &frame, left, &mut step)?;
             self.frame_rays += step.rays.iter().sum::<u64>() - rays_before;
@@ -472,6 +512,8 @@ impl Technique for SurfelPicture {
             image.restart();
         }
         self.samples = 0;
+        self.pixel_samples = 0;
+        self.samples_left = 0;
         self.frame_rays = 0;
         self.phase = Phase::Start;
     }

@@ -6,7 +6,7 @@
 use surfelcast_gpu::{Buffer, Gpu, Graph, PassBuilder, Ticket};
 use surfelcast_shaders::constants::{SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
+use surfelcast_shaders::records::{SurfelRecord, SurfelUniforms, surfel_switches};
 
 use crate::passes::counters;
 use crate::passes::kernels::KernelSet;
@@ -195,8 +195,8 @@ impl SurfelCache {
             .read_write("counters", &self.counters)
             .dispatch(workgroups_of(count))?;
         let probes = graph.read_back(&self.counters, 0..counters::BYTES)?;
-        // Candidates are used once.
-        graph.clear(&self.candidates)?;
+        // Ray hits put candidates up once. Those of tiles tell the next round where to look.
+        graph.clear_first(&self.candidates, u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64)?;
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(probes)?);
