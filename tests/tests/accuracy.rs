@@ -116,7 +116,7 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
-/// The cache's picture after 24 frames: within the error already that the gates allow a converged one, and the audit, which
+/// The cache's picture after 16 frames: within the error already that the gates allow a converged one, and the audit, which
 /// sees its bias too, is right about it.
 #[test]
 fn the_surfel_cache_matches_its_references() -> Result<()> {
@@ -136,7 +136,7 @@ fn the_surfel_cache_matches_its_references() -> Result<()> {
     let mut faults = Vec::new();
     for reference in Reference::read_all(&shared)? {
         let Some((_, limit)) = LIMITS.iter().find(|(name, _)| *name == reference.name) else { continue };
-        let point = renderer.measure(&reference, 24)?;
+        let point = renderer.measure(&reference, 16)?;
         println!(
             "{}: RMSE {:.5}, bias {:+.2} %, audit {:.5}, {} surfels, {:.1} s",
             reference.name,

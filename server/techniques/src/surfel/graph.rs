@@ -34,6 +34,8 @@ const SHIFT_BYTES: u64 = 16;
 /// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
 const NEAR_RINGS: u32 = 2;
 const WIDE_RINGS: u32 = 10;
+/// Regressions one after the other: the second makes its values of the first one's, and so reaches about twenty neighbours.
+const REGRESSIONS: usize = 2;
 /// Steps of the solve in one update; it goes on from the last update's solution.
 const ITERATIONS: u32 = 8;
 /// Invocations of a workgroup that sums, workgroups at most, and regions of their sums.
@@ -196,6 +198,7 @@ impl SurfelCache {
             ("expected_direct", &nodes.expected_direct),
             ("node_gradients", &nodes.gradients),
             ("node_values", &nodes.values),
+            ("blended", &nodes.values),
             ("node_solutions", &nodes.solutions),
             ("pooled", &nodes.pools[pools.0]),
             ("to_pool", &nodes.pools[pools.1]),
@@ -260,12 +263,18 @@ impl SurfelCache {
     ) -> Result<(), TechniqueError> {
         let each = workgroups_of(self.live);
         let summing = sum_groups(self.live);
-        let bytes = bytemuck::bytes_of(uniforms);
         let measures = self.measures_differences();
         let solves = self.graph.as_ref().is_some_and(|graph| graph.solve.is_some());
-        let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), TechniqueError> {
-            Ok(self.graph_pass(graph, kernels, name, bytes, pools)?.dispatch(groups)?)
-        };
+        let passes = std::array::from_fn::<_, REGRESSIONS, _>(|pass| SurfelUniforms {
+            first_item: pass as u32,
+            item_count: REGRESSIONS as u32,
+            ..*uniforms
+        });
+        let mut run_as =
+            |pass: usize, name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), TechniqueError> {
+                Ok(self.graph_pass(graph, kernels, name, bytemuck::bytes_of(&passes[pass]), pools)?.dispatch(groups)?)
+            };
+        let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| run_as(0, name, pools, groups);
         if measures {
             run("graph_learn", (0, 1), each)?;
         }
@@ -283,13 +292,16 @@ impl SurfelCache {
             run("graph_link", (1, 0), each)?;
             return run("image_slopes", (0, 1), each);
         }
-        run("graph_regress", (0, 1), each)?;
-        run("graph_pool", (1, 0), each)?;
-        run("graph_pool", (0, 1), each)?;
-        if solves {
-            run("graph_scales", (1, 0), summing)?;
+        for pass in 0..REGRESSIONS {
+            run_as(pass, "graph_regress", (0, 1), each)?;
+            run_as(pass, "graph_pool", (1, 0), each)?;
+            run_as(pass, "graph_pool", (0, 1), each)?;
+            if solves && pass == 0 {
+                run_as(pass, "graph_scales", (1, 0), summing)?;
+            }
+            run_as(pass, "graph_blend", (1, 0), summing)?;
         }
-        run("graph_blend", (1, 0), summing)?;
+        let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| run_as(0, name, pools, groups);
         if solves {
             run("graph_link", (1, 0), each)?;
             run("graph_pool", (0, 1), each)?;
@@ -297,7 +309,7 @@ impl SurfelCache {
             run("graph_residual", (0, 1), summing)?;
             self.record_iterations(graph, kernels, uniforms)?;
         }
-        self.graph_pass(graph, kernels, "graph_output", bytes, (0, 1))?.dispatch(each)?;
+        self.graph_pass(graph, kernels, "graph_output", bytemuck::bytes_of(uniforms), (0, 1))?.dispatch(each)?;
         Ok(())
     }
     /// Steps of the solve.
