@@ -27,6 +27,8 @@ const FRAMES: [u32; 2] = [32, 64];
 const TRUTH_SAMPLES: u32 = 32;
 /// Pictures of indirect light alone have a truth of their own, so they need not be as large as the references: an nth as wide.
 const INDIRECT_SHRINK: u32 = 3;
+/// Ratio of errors from which on it is asked for again in a picture of full size.
+const FULL_SIZE_RATIO: f64 = 0.4;
 /// Radii in pixels whose cost and error are compared, on one reference.
 const RADII: [f32; 4] = [2.0, 3.0, 5.0, 8.0];
 const RADII_REFERENCE: &str = "bars_main_lambert";
@@ -54,38 +56,60 @@ fn shrunk(reference: &Reference) -> Reference {
 
 /// Indirect light at every reference with Lambertian materials, against path tracing's own; whole pictures at the others.
 fn indirect_light(only: &str, references: &[Reference]) -> Result<String> {
-    let mut text =
-        String::from("| reference | light | 32 frames | path, equal rays | ratio |\n|---|---|---|---|---|\n");
+    let mut text = String::from(
+        "| reference | light | size | 32 frames | path, equal rays | ratio |\n|---|---|---|---|---|---|\n",
+    );
     for reference in references.iter().filter(|one| one.mode != Mode::Indirect && one.name.contains(only)) {
         let is_lambert = reference.mode == Mode::Lambert;
-        let reference = &if is_lambert { shrunk(reference) } else { reference.clone() };
-        let words: &[&str] = if is_lambert { &["--aov", "indirect"] } else { &[] };
-        let mut path = Renderer::find("path")?;
-        path.arguments = words.iter().map(|&word| word.to_owned()).collect();
-        let (truth, noise) = if is_lambert {
-            let [a, b] = [11, 12].map(|seed| path.picture(reference, TRUTH_SAMPLES, seed));
-            let (a, b) = (a?.0, b?.0);
-            // The mean of both has half the noise of their difference.
-            let noise = a.tone_mapped_mse(&b, reference.exposure) / 4.0;
-            (a.mean_with(&b), noise)
-        } else {
-            (Picture::read_exr(&reference.image)?, reference.noise_rmse.powi(2))
-        };
-        let truth = truth.without(&reference.masked);
-        let error = |picture: Picture| {
-            (picture.without(&reference.masked).tone_mapped_mse(&truth, reference.exposure) - noise).max(0.0).sqrt()
-        };
-        let (ours, rays) = surfel(words)?.picture(reference, FRAMES[0], 1)?;
-        let (_, rays_each) = path.picture(reference, 1, 1)?;
-        let samples = (rays / rays_each).round().max(1.0) as u32;
-        let (ours, theirs) = (error(ours), error(path.picture(reference, samples, 1)?.0));
+        let mut found = against_path_indirect(&if is_lambert { shrunk(reference) } else { reference.clone() })?;
+        // Small pictures give small things few surfels.
+        if is_lambert && found.ours > FULL_SIZE_RATIO * found.theirs {
+            found = against_path_indirect(reference)?;
+        }
+        let Compared { size, ours, theirs, samples } = found;
         let light = if is_lambert { "indirect" } else { "all" };
         let ratio = if theirs > 1e-4 { format!("{:.2}", ours / theirs) } else { "-".to_owned() };
-        let row = format!("| {} | {light} | {ours:.4} | {theirs:.4} ({samples} spp) | {ratio} |", reference.name);
+        let row = format!(
+            "| {} | {light} | {}x{} | {ours:.4} | {theirs:.4} ({samples} spp) | {ratio} |",
+            reference.name, size[0], size[1]
+        );
         eprintln!("{row}");
         writeln!(text, "{row}")?;
     }
     Ok(text)
+}
+
+/// Errors at equal rays.
+struct Compared {
+    size: [u32; 2],
+    ours: f64,
+    theirs: f64,
+    samples: u32,
+}
+
+fn against_path_indirect(reference: &Reference) -> Result<Compared> {
+    let is_lambert = reference.mode == Mode::Lambert;
+    let words: &[&str] = if is_lambert { &["--aov", "indirect"] } else { &[] };
+    let mut path = Renderer::find("path")?;
+    path.arguments = words.iter().map(|&word| word.to_owned()).collect();
+    let (truth, noise) = if is_lambert {
+        let [a, b] = [11, 12].map(|seed| path.picture(reference, TRUTH_SAMPLES, seed));
+        let (a, b) = (a?.0, b?.0);
+        // The mean of both has half the noise of their difference.
+        let noise = a.tone_mapped_mse(&b, reference.exposure) / 4.0;
+        (a.mean_with(&b), noise)
+    } else {
+        (Picture::read_exr(&reference.image)?, reference.noise_rmse.powi(2))
+    };
+    let truth = truth.without(&reference.masked);
+    let error = |picture: Picture| {
+        (picture.without(&reference.masked).tone_mapped_mse(&truth, reference.exposure) - noise).max(0.0).sqrt()
+    };
+    let (ours, rays) = surfel(words)?.picture(reference, FRAMES[0], 1)?;
+    let (_, rays_each) = path.picture(reference, 1, 1)?;
+    let samples = (rays / rays_each).round().max(1.0) as u32;
+    let theirs = error(path.picture(reference, samples, 1)?.0);
+    Ok(Compared { size: reference.size, ours: error(ours), theirs, samples })
 }
 
 /// Path tracing with as many rays as `rays`: one sample a pixel tells how many a sample takes.
