@@ -252,6 +252,14 @@ impl SurfelCache {
         [self.live, self.capacity]
     }
 
+    /// Rays that the update under way traces in all; 0 without one.
+    pub(crate) fn rays_under_way(&self) -> u32 {
+        match self.stage {
+            UpdateStage::Tracing { count, .. } => count,
+            UpdateStage::Idle => 0,
+        }
+    }
+
     /// Surfels that the first fill placed by [`crate::surfel::Initial`], with ids from 0 in the order of their directions.
     pub fn seeded(&self) -> u32 {
         self.seeded

@@ -37,6 +37,9 @@ const VISIBILITY_PIXELS: u32 = 1 << 18;
 /// pixels, more where edges and shadows make up most of it.
 const SAMPLES_OF_FRAME: [u32; 2] = [1, 3];
 const SAMPLES_OF_LATER_FRAME: u32 = 2;
+/// Pixels for each ray of the cache up to which a frame takes a further sample of them: that of a settled cache is nothing but its
+/// pixels, and the next one takes them again.
+const PIXELS_PER_RAY: u64 = 8;
 /// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
 const QUIET_GAIN: f32 = 0.02;
 const QUIET_FRAMES: u32 = 3;
@@ -217,10 +220,20 @@ impl SurfelPicture {
         if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
             cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(), step)?;
         }
-        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(SAMPLES_OF_LATER_FRAME);
-        self.samples_left = if self.image.is_some() { 0 } else { samples - 1 };
+        self.samples_left = self.further_samples(cache.rays_under_way());
         self.phase = Phase::Update;
         Ok(())
+    }
+
+    /// Samples of each pixel that a frame takes beyond its first, where the cache traces so many rays for it.
+    fn further_samples(&self, cache_rays: u32) -> u32 {
+        // A solve over pixels takes its differences once a frame.
+        if self.image.is_some() {
+            return 0;
+        }
+        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(SAMPLES_OF_LATER_FRAME);
+        let worth = u64::from(cache_rays) * PIXELS_PER_RAY / u64::from(self.pixel_count().max(1));
+        (samples - 1).min(u32::try_from(worth).unwrap_or(u32::MAX))
     }
 
     /// Camera rays of a sample.

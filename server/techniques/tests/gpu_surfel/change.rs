@@ -1,6 +1,7 @@
 //! Lights change, cameras come and go, and what is settled costs nothing.
 
-use surfelcast_techniques::{Change, LightBuffers, LightState, SurfelSettings};
+use surfelcast_techniques::technique::{StepBudget, Technique};
+use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState, SurfelSettings};
 
 use crate::rig::{Rig, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -20,7 +21,7 @@ fn three_times_the_light_is_there_within_a_few_frames() {
     let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), view, 64);
-    let indirect = |rig: &Rig<'_>, picture: &dyn surfelcast_techniques::Technique| {
+    let indirect = |rig: &Rig<'_>, picture: &dyn Technique| {
         let (direct, _) = picture.split().unwrap();
         mean(&rig.values(picture)) - mean(&rig.read(direct).iter().map(|v| v[0]).collect::<Vec<_>>())
     };
@@ -43,6 +44,35 @@ fn three_times_the_light_is_there_within_a_few_frames() {
     println!("90 % of the step after {frames_needed} frames, {share:.3} of it after 40");
     assert!(frames_needed <= 6, "{frames_needed} frames");
     assert!((0.97..1.03).contains(&share), "{share}");
+}
+
+/// The first frame, which is all there is while a camera moves, comes as soon as it can; those after it quieten pixels too.
+#[test]
+fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.05, ..SurfelSettings::BALANCED };
+    let rig = Rig::new(&gpu, &scene, settings, [32, 32]);
+    let view = FrameView { camera: camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), size: rig.size, exposure: 1.0 };
+    let samples_of_frames = |picture: &mut dyn Technique, frames: u32| -> Vec<u64> {
+        let taken = (1..=frames).map(|until_samples| {
+            let mut camera_rays = 0;
+            while picture.samples() < until_samples {
+                let budget = StepBudget { max_paths: 700, until_samples, max_batch: 64 };
+                camera_rays += picture.step(&gpu, &rig.buffers, &rig.lights, &view, budget).unwrap().rays[0];
+            }
+            camera_rays / (32 * 32)
+        });
+        let taken = taken.collect();
+        picture.invalidate(Change::Camera);
+        taken
+    };
+    let mut picture = rig.picture();
+    assert_eq!(samples_of_frames(picture.as_mut(), 4), [1, 3, 2, 2]);
+    assert_eq!(samples_of_frames(picture.as_mut(), 2), [1, 3], "after a move");
+    rig.frames(picture.as_mut(), view.camera, 100);
+    picture.invalidate(Change::Camera);
+    assert_eq!(samples_of_frames(picture.as_mut(), 4), [1; 4], "once the cache has settled");
 }
 
 #[test]
