@@ -86,5 +86,6 @@ fn of_path_traced_pictures() {
 
 #[test]
 fn of_pictures_from_surfels() {
-    check(&matte(), "surfel", 4);
+    // Few frames: the error of more is so small that a hundred audits cannot tell it.
+    check(&matte(), "surfel", 2);
 }
