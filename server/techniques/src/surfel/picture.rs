@@ -31,12 +31,12 @@ const FEWEST_RAYS: u32 = 4096;
 const MOST_RAYS: u32 = 1 << 22;
 /// Pixels whose camera rays are traced in one submission.
 const VISIBILITY_PIXELS: u32 = 1 << 18;
-/// Samples of each pixel in the first frames and in those after them. A first frame comes as soon as it can, and while something
+/// Samples of each pixel in the first frames; those after them take one. A first frame comes as soon as it can, and while something
 /// moves there is no other. Then a sample takes about a quarter of what the rest of a frame does, so that noise per second is
 /// least with as many of them as twice the root of its share in the noise of a frame: two where half of the noise is that of
-/// pixels, more where edges and shadows make up most of it.
-const SAMPLES_OF_FRAME: [u32; 2] = [1, 3];
-const SAMPLES_OF_LATER_FRAME: u32 = 2;
+/// pixels, more where edges and shadows make up most of it. Later, paths that the picture settles to bring samples of their own,
+/// and it is up to their weighing whether pixels or surfels need more.
+const SAMPLES_OF_FRAME: [u32; 8] = [1, 3, 2, 2, 2, 2, 2, 2];
 /// Pixels for each ray of the cache up to which a frame takes a further sample of them: that of a settled cache is nothing but its
 /// pixels, and the next one takes them again.
 const PIXELS_PER_RAY: u64 = 8;
@@ -231,7 +231,7 @@ impl SurfelPicture {
         if self.image.is_some() {
             return 0;
         }
-        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(SAMPLES_OF_LATER_FRAME);
+        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(1);
         let worth = u64::from(cache_rays) * PIXELS_PER_RAY / u64::from(self.pixel_count().max(1));
         (samples - 1).min(u32::try_from(worth).unwrap_or(u32::MAX))
     }
