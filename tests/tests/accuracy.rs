@@ -116,8 +116,7 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
-/// The cache's picture after 16 frames: within the error already that the gates allow a converged one, and the audit, which
-/// sees its bias too, is right about it.
+/// The cache's picture after 16 frames: within the error already that the gates allow a converged one.
 #[test]
 fn the_surfel_cache_matches_its_references() -> Result<()> {
     const LIMITS: [(&str, f64); 6] = [
