@@ -150,7 +150,10 @@ fn against_path(only: &str, references: &[Reference]) -> Result<String> {
     Ok(text)
 }
 
-fn over_radii(_: &str, references: &[Reference]) -> Result<String> {
+fn over_radii(only: &str, references: &[Reference]) -> Result<String> {
+    if !RADII_REFERENCE.contains(only) {
+        return Ok(String::new());
+    }
     let mut text =
         String::from("| radius, pixels | surfels | 32 frames | 64 frames | s a frame |\n|---|---|---|---|---|\n");
     let reference = references
@@ -187,6 +190,7 @@ fn run() -> Result<()> {
     }
     ensure!(!document.is_empty(), "usage: surfel-table DOCUMENT [--part gates|radii|indirect] [--only NAME-PART]");
     ensure!(part.is_empty() || PARTS.iter().any(|(name, _)| *name == part), "--part takes gates, radii or indirect");
+    ensure!(only.is_empty() || document == "-", "--only leaves rows out, so it prints (`-`) and writes no document");
     let shared = shared_folder().context(
         "no references: set SURFELCAST_SHARED to a folder with references/ and scenes/, or put it beside the repository as shared/",
     )?;

@@ -239,6 +239,20 @@ fn reading_what_nothing_wrote_is_an_error() {
 }
 
 #[test]
+fn the_first_bytes_are_cleared_and_no_others() {
+    let Setup { gpu, source, .. } = setup();
+    gpu.upload(&source, 0, &[7; 16]).expect("fits");
+    let mut graph = gpu.graph("part");
+    graph.clear_first(&source, 8).expect("records");
+    let ticket = graph.read_back(&source, 0..16).expect("records");
+    let mut report = graph.submit().expect("submits").wait().expect("runs");
+    assert_eq!(report.take(ticket).expect("there"), [[0; 8], [7; 8]].concat());
+    for bytes in [6, source.size_bytes() + 4] {
+        assert!(gpu.graph("wrong").clear_first(&source, bytes).is_err(), "{bytes}");
+    }
+}
+
+#[test]
 fn graph_misuse_is_refused() {
     let Setup { gpu, kernel, source, result } = setup();
     let mut graph = gpu.graph("misuse");

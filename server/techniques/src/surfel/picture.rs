@@ -21,7 +21,7 @@ use crate::surfel::cache::{SurfelCache, UpdateStage, cache_camera};
 use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::kernels_for;
 use crate::surfel::reuse::{EarlierFrame, Reuse};
-use crate::surfel::settle::Settle;
+use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, count_rays};
 use crate::technique::{Change, Step, StepBudget, Technique, TechniqueError, TechniqueOptions};
@@ -36,7 +36,7 @@ const VISIBILITY_PIXELS: u32 = 1 << 18;
 /// least with as many of them as twice the root of its share in the noise of a frame: two where half of the noise is that of
 /// pixels, more where edges and shadows make up most of it. Later, paths that the picture settles to bring samples of their own,
 /// and it is up to their weighing whether pixels or surfels need more.
-const SAMPLES_OF_FRAME: [u32; 8] = [1, 3, 2, 2, 2, 2, 2, 2];
+const SAMPLES_OF_FRAME: [u32; FRAMES_BEFORE as usize] = [1, 3, 2, 2, 2, 2, 2, 2];
 /// Pixels for each ray of the cache up to which a frame takes a further sample of them: that of a settled cache is nothing but its
 /// pixels, and the next one takes them again.
 const PIXELS_PER_RAY: u64 = 8;

@@ -26,7 +26,7 @@ use crate::passes::{merge_passes, workgroups_of};
 use crate::technique::{Step, StepBudget, TechniqueOptions};
 
 /// Frames before the first path is traced: pictures of a gesture, and quick previews, pay nothing.
-const FRAMES_BEFORE: u32 = 8;
+pub(super) const FRAMES_BEFORE: u32 = 8;
 /// Share of the cost that goes into paths while the cache does better, so that its error is known: a picture without them
 /// would have hardly less noise.
 const EXPLORED_SHARE: f64 = 1.0 / 16.0;
