@@ -518,7 +518,8 @@ crate::gpu_structs! {
         /// `surfel_switches`.
         pub switches: u32,
         /// Unused.
-        pub padding4: f32,
+        /// Entries that the grid has room for.
+        pub grid_room: u32,
         /// Share of the capacity in use.
         pub fill: f32,
         /// Number of the next surfel born.

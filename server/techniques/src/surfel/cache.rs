@@ -148,6 +148,11 @@ pub(crate) struct EdgesLaid {
     has_reused_ids: bool,
 }
 
+/// Words of a grid: where slots begin, then entries, then their hints.
+fn grid_words(slots: u32, entries: u64) -> u64 {
+    u64::from(slots) + 1 + 2 * entries
+}
+
 fn buffer_of<T>(gpu: &Gpu, label: &str, count: u64) -> Result<Buffer, GpuError> {
     gpu.buffer(label, MemoryKind::Session, count * size_of::<T>() as u64)
 }
@@ -165,7 +170,7 @@ impl SurfelCache {
         let mark_slots = capacity * 2;
         let surfels = u64::from(capacity);
         let candidate_count = SURFEL_HIT_CANDIDATES;
-        let grid_words = u64::from(mark_slots) + 1 + surfels * ENTRIES_PER_SURFEL;
+        let grid_words = grid_words(mark_slots, surfels * ENTRIES_PER_SURFEL);
         let cache = Self {
             settings: settings.of_cache(),
             seed: seed ^ SEED_SALT,
@@ -366,8 +371,9 @@ impl SurfelCache {
     pub(crate) fn shape_grid(&mut self, gpu: &Gpu, shape: GridShape, entries: u64) -> Result<(), GpuError> {
         self.grid_shape = shape;
         let slots = u64::from(shape.slots);
-        if self.grid.size_bytes() < (slots + 1 + entries) * 4 {
-            self.grid = buffer_of::<u32>(gpu, "surfel_grid", slots + 1 + entries)?;
+        let words = grid_words(shape.slots, entries);
+        if self.grid.size_bytes() < words * 4 {
+            self.grid = buffer_of::<u32>(gpu, "surfel_grid", words)?;
         }
         if self.slot_cursors.size_bytes() < slots * 4 {
             self.slot_cursors = buffer_of::<u32>(gpu, "slot_cursors", slots)?;
@@ -378,7 +384,7 @@ impl SurfelCache {
 
     /// Entries that the grid has room for.
     pub(crate) fn grid_room(&self) -> u64 {
-        (self.grid.size_bytes() / 4).saturating_sub(u64::from(self.grid_shape.slots) + 1)
+        (self.grid.size_bytes() / 4).saturating_sub(u64::from(self.grid_shape.slots) + 1) / 2
     }
 
     /// Uniforms of a dispatch; callers fill in what it works on.
@@ -420,7 +426,7 @@ impl SurfelCache {
             target_error: settings.target_error,
             guided_share: settings.guided_share,
             switches: switches.iter().filter(|(is_on, _)| *is_on).map(|(_, bit)| bit).sum(),
-            padding4: 0.0,
+            grid_room: u32::try_from(self.grid_room()).unwrap_or(u32::MAX),
             fill: self.live as f32 / self.capacity as f32,
             next_serial: self.next_serial,
             item_count: 0,
@@ -444,7 +450,7 @@ fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
         return wanted.clamp(least, most).next_power_of_two();
     }
     // Directional tables, lists and grid; then the graph, counted in whether it is used or not.
-    let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 80;
+    let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 112;
     let bytes_each = bytes_each + 8 * (size_of::<SurfelEdge>() + 16) + 12 * 16;
     let affordable = gpu.memory().budget_bytes / MEMORY_SHARE / bytes_each as u64;
     // The largest power of two that is not above it.
