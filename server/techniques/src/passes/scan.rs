@@ -7,7 +7,7 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::ScanUniforms;
 
 /// Values that one workgroup sums.
-const BLOCK: u32 = 1024;
+const BLOCK: u32 = 4096;
 
 /// The kernels, and room for the sums of blocks of as many values as it was made for.
 #[derive(Debug)]
