@@ -25,7 +25,7 @@ pub(crate) const TILE_SIDE: u32 = 8;
 const BURST_ROUNDS: u32 = 24;
 const ROUNDS: u32 = 3;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
-const ROUND_GAIN: f32 = 0.01;
+const ROUND_GAIN: f32 = 0.05;
 /// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
 const MOST_ENTRIES_PER_SURFEL: u64 = 32;
 const MOST_CELLS: u32 = 4096;
@@ -49,6 +49,13 @@ pub(crate) struct Asking<'a> {
     pub(crate) size: [u32; 2],
     /// What it sees is kept.
     pub(crate) pins: bool,
+}
+
+/// New surfels of a round.
+struct Accepted {
+    all: u32,
+    /// Those that a picture asked for: where rays hit bare ground, looking again finds no more.
+    of_picture: u32,
 }
 
 impl SurfelCache {
@@ -76,11 +83,8 @@ impl SurfelCache {
         let mut first_gain = 0.0;
         for round in 0..rounds {
             let accepted = self.spawn_round(work, asking, tiles, round, step)?;
-            if accepted == 0 {
-                break;
-            }
-            self.is_settled = false;
-            let gained = accepted as f32 / (tiles[0] * tiles[1]) as f32;
+            self.is_settled &= accepted.all == 0;
+            let gained = accepted.of_picture as f32 / (tiles[0] * tiles[1]) as f32;
             if round == 0 {
                 first_gain = gained;
             }
@@ -113,7 +117,7 @@ impl SurfelCache {
         Ok(())
     }
 
-    /// One new surfel for each tile at most. Returns how many were accepted.
+    /// One new surfel for each tile at most, and in a frame's first round those that rays asked for.
     fn spawn_round(
         &mut self,
         work: &Work<'_>,
@@ -121,7 +125,7 @@ impl SurfelCache {
         tiles: [u32; 2],
         round: u32,
         step: &mut Step,
-    ) -> Result<u32, TechniqueError> {
+    ) -> Result<Accepted, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
         let mut uniforms = self.uniforms(0);
         (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
@@ -143,7 +147,7 @@ impl SurfelCache {
         self.accept(work, asking.frame, graph, &uniforms, step)
     }
 
-    /// Makes surfels of the candidates that neither compete nor crowd. Returns how many were accepted.
+    /// Makes surfels of the candidates that neither compete nor crowd.
     fn accept(
         &mut self,
         work: &Work<'_>,
@@ -151,7 +155,7 @@ impl SurfelCache {
         mut graph: Graph,
         uniforms: &SurfelUniforms,
         step: &mut Step,
-    ) -> Result<u32, TechniqueError> {
+    ) -> Result<Accepted, TechniqueError> {
         let Work { kernels, scene, lights, .. } = *work;
         let count = uniforms.item_count;
         let bytes = bytemuck::bytes_of(uniforms);
@@ -170,7 +174,10 @@ impl SurfelCache {
             .read_write("scan_values", &self.values)
             .dispatch(workgroups_of(count))?;
         self.scan.record(&mut graph, &self.values, count + 1)?;
-        let accepted = graph.read_back(&self.values, u64::from(count) * 4..u64::from(count) * 4 + 4)?;
+        let mut accepted_before = |candidate: u32| {
+            graph.read_back(&self.values, u64::from(candidate) * 4..u64::from(candidate) * 4 + 4)
+        };
+        let (of_hits, all) = (accepted_before(SURFEL_HIT_CANDIDATES)?, accepted_before(count)?);
         graph
             .pass(kernels.get("surfel_spawn")?)
             .uniform("cache", bytes)
@@ -200,13 +207,13 @@ impl SurfelCache {
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(probes)?);
-        let accepted = u32_of(&report.take(accepted)?);
-        if accepted > 0 {
-            self.next_serial = self.next_serial.wrapping_add(accepted);
-            let spawned = accepted.min(self.capacity - self.live);
+        let (of_hits, all) = (u32_of(&report.take(of_hits)?), u32_of(&report.take(all)?));
+        if all > 0 {
+            self.next_serial = self.next_serial.wrapping_add(all);
+            let spawned = all.min(self.capacity - self.live);
             self.rebuild(work, self.live + spawned, step)?;
         }
-        Ok(accepted)
+        Ok(Accepted { all, of_picture: all.saturating_sub(of_hits) })
     }
 
     /// Brings the cache up to date with its cameras: takes out pins of those gone, files what is not in the grid yet, and files
