@@ -174,9 +174,8 @@ impl SurfelCache {
             .read_write("scan_values", &self.values)
             .dispatch(workgroups_of(count))?;
         self.scan.record(&mut graph, &self.values, count + 1)?;
-        let mut accepted_before = |candidate: u32| {
-            graph.read_back(&self.values, u64::from(candidate) * 4..u64::from(candidate) * 4 + 4)
-        };
+        let mut accepted_before =
+            |candidate: u32| graph.read_back(&self.values, u64::from(candidate) * 4..u64::from(candidate) * 4 + 4);
         let (of_hits, all) = (accepted_before(SURFEL_HIT_CANDIDATES)?, accepted_before(count)?);
         graph
             .pass(kernels.get("surfel_spawn")?)
