@@ -118,6 +118,8 @@ pub struct SurfelCache {
     pub(crate) answer: Buffer,
     /// Updates so far.
     pub(crate) update: u32,
+    /// Updates before this one that were not worth their passes.
+    pub(crate) updates_waited: u32,
     /// Updates since the light last changed.
     pub(crate) calm_updates: u32,
     /// Rays of the update before were none, since every surfel had reached its goal.
@@ -210,6 +212,7 @@ impl SurfelCache {
             levels: 0,
             answer: buffer_of::<u32>(gpu, "answer", 4)?,
             update: 1,
+            updates_waited: 0,
             calm_updates: 0,
             is_settled: false,
             stage: UpdateStage::Idle,

@@ -26,6 +26,9 @@ const BURST_ROUNDS: u32 = 24;
 const ROUNDS: u32 = 3;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
 const ROUND_GAIN: f32 = 0.05;
+/// Living surfels for each ray of an update from which on it waits, and updates that wait one after the other at most.
+const SURFELS_PER_RAY: u32 = 16;
+const MOST_WAITED: u32 = 3;
 /// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
 const MOST_ENTRIES_PER_SURFEL: u64 = 32;
 const MOST_CELLS: u32 = 4096;
@@ -402,11 +405,15 @@ impl SurfelCache {
         let asked = u32_of(&report.take(total)?);
         let count = u32_of(&report.take(ray_total)?);
         self.is_settled = asked == 0;
-        if count > 0 {
+        // Every update goes through all surfels, however few have rays.
+        let is_worth_it = count > 0 && (count >= self.live / SURFELS_PER_RAY || self.updates_waited >= MOST_WAITED);
+        if is_worth_it {
             self.stage = UpdateStage::Tracing { next: 0, count, budget: ray_budget };
+            self.updates_waited = 0;
         } else {
-            // So little was asked for that chance gave no ray; the next update asks again.
+            // The next update asks again, and so does one for which chance gave no ray.
             self.update += 1;
+            self.updates_waited += 1;
         }
         Ok(())
     }

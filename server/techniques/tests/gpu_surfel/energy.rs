@@ -1,5 +1,6 @@
 //! Furnaces, guiding, rare light: no setting may add or remove energy.
 
+use surfelcast_gpu::Gpu;
 use surfelcast_techniques::SurfelSettings;
 use surfelcast_techniques::surfel::{Estimator, Reconstruction};
 
@@ -16,10 +17,9 @@ fn furnace(albedo: f32) -> Paint {
 }
 
 /// Worst distances from 1: of the mean, and of any square of 8x8 pixels.
-fn distances(faces: &[Face], settings: SurfelSettings, frames: u32) -> [f64; 2] {
-    let gpu = gpu();
+fn distances(gpu: &Gpu, faces: &[Face], settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let scene = scene(faces, 0.0);
-    let rig = Rig::new(&gpu, &scene, settings, SIZE);
+    let rig = Rig::new(gpu, &scene, settings, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), camera([0.1, 0.05, 0.2], [0.9, 0.2, -0.6]), frames);
     let values = rig.values(picture.as_ref());
@@ -27,8 +27,8 @@ fn distances(faces: &[Face], settings: SurfelSettings, frames: u32) -> [f64; 2] 
     [(mean(&values) - 1.0).abs(), worst]
 }
 
-fn check(name: &str, faces: &[Face], settings: SurfelSettings) {
-    let [of_mean, of_block] = distances(faces, settings, FRAMES);
+fn check(gpu: &Gpu, name: &str, faces: &[Face], settings: SurfelSettings) {
+    let [of_mean, of_block] = distances(gpu, faces, settings, FRAMES);
     println!("{name}: mean off by {:.2} %, blocks by {:.2} %", 100.0 * of_mean, 100.0 * of_block);
     assert!(of_mean <= 0.01 && of_block <= 0.02, "{name}: {of_mean} {of_block}");
 }
@@ -40,10 +40,12 @@ fn settings() -> SurfelSettings {
 
 #[test]
 fn furnaces_are_white_at_every_albedo_and_share_of_guiding() {
+    let gpu = gpu();
     for albedo in [0.2, 0.5, 0.8, 0.95] {
         for guided_share in [0.0, 0.5, 0.9] {
             let faces = inside_of_box([-1.0; 3], [1.0; 3], furnace(albedo));
             check(
+                &gpu,
                 &format!("albedo {albedo}, guiding {guided_share}"),
                 &faces,
                 SurfelSettings { guided_share, ..settings() },
@@ -54,17 +56,18 @@ fn furnaces_are_white_at_every_albedo_and_share_of_guiding() {
 
 #[test]
 fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
+    let gpu = gpu();
     let faces = inside_of_box([-1.0; 3], [1.0; 3], furnace(0.8));
     let plain = SurfelSettings { reconstruction: Reconstruction::None, ..settings() };
-    check("no reconstruction, sharing", &faces, plain);
-    check("no reconstruction, no sharing", &faces, SurfelSettings { shares: false, ..plain });
-    check("regression", &faces, SurfelSettings { reconstruction: Reconstruction::Regression, ..settings() });
-    check("in the image", &faces, SurfelSettings { reconstruction: Reconstruction::Image, ..settings() });
-    check("no feedback", &faces, SurfelSettings { feeds_back: false, ..settings() });
-    check("no depth", &faces, SurfelSettings { respects_depth: false, ..settings() });
+    check(&gpu, "no reconstruction, sharing", &faces, plain);
+    check(&gpu, "no reconstruction, no sharing", &faces, SurfelSettings { shares: false, ..plain });
+    check(&gpu, "regression", &faces, SurfelSettings { reconstruction: Reconstruction::Regression, ..settings() });
+    check(&gpu, "in the image", &faces, SurfelSettings { reconstruction: Reconstruction::Image, ..settings() });
+    check(&gpu, "no feedback", &faces, SurfelSettings { feeds_back: false, ..settings() });
+    check(&gpu, "no depth", &faces, SurfelSettings { respects_depth: false, ..settings() });
     // The multiscale estimator never averages longer than its window, so its blocks stay noisy; its mean has to hold.
     let [of_mean, of_block] =
-        distances(&faces, SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, FRAMES);
+        distances(&gpu, &faces, SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, FRAMES);
     println!("multiscale estimator: mean off by {:.2} %, blocks by {:.2} %", 100.0 * of_mean, 100.0 * of_block);
     assert!(of_mean <= 0.01, "{of_mean}");
 }
@@ -72,8 +75,9 @@ fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
 /// Four lights are each asked, twelve are chosen from: both ways of asking find all the light.
 #[test]
 fn furnaces_are_white_with_few_lights_and_with_many() {
+    let gpu = gpu();
     for albedo in [0.2, 0.8] {
-        check(&format!("few lights, albedo {albedo}"), &inside_of_tetrahedron(furnace(albedo)), settings());
+        check(&gpu, &format!("few lights, albedo {albedo}"), &inside_of_tetrahedron(furnace(albedo)), settings());
     }
 }
 
@@ -104,8 +108,7 @@ fn guided_rays_see_an_even_sky_as_it_is() {
 }
 
 /// A bright panel that only chance finds: one ray in two hundred or so. It is unlit, so light sampling does not know it.
-fn rare_panel(settings: SurfelSettings, frames: u32) -> [f64; 2] {
-    let gpu = gpu();
+fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let half = 0.0886; // pi half^2 / (pi 1^2) would be 0.8 %; a square at distance 1.25 subtends half a percent of cosine
     let floor = (vec![[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]], Paint::matte(1.0));
     let panel = (
@@ -113,13 +116,13 @@ fn rare_panel(settings: SurfelSettings, frames: u32) -> [f64; 2] {
         Paint { albedo: 1.0, emission: 0.0, is_unlit: true },
     );
     let scene = scene(&[floor, panel], 0.0);
-    let mut rig = Rig::new(&gpu, &scene, settings, SIZE);
+    let mut rig = Rig::new(gpu, &scene, settings, SIZE);
     rig.materials = surfelcast_techniques::MaterialMode::Pbr;
     let mut picture = rig.picture();
     // From above, close enough that every pixel lies well under the panel.
     rig.frames(picture.as_mut(), camera([0.15, 0.5, 0.15], [0.05, 0.0, 0.0]), frames);
     let cache = rig.session.surfels().unwrap();
-    let surfels = cache.lock().export(&gpu).unwrap();
+    let surfels = cache.lock().export(gpu).unwrap();
     // Truth by the closed form of a small lamp: L cos cos A / (pi d^2).
     let mut measured = 0.0;
     let mut expected = 0.0;
@@ -142,12 +145,13 @@ fn rare_panel(settings: SurfelSettings, frames: u32) -> [f64; 2] {
 
 #[test]
 fn rare_light_keeps_its_energy() {
+    let gpu = gpu();
     for guided_share in [0.0, 0.5] {
-        let [ratio, _] = rare_panel(SurfelSettings { guided_share, ..settings() }, 160);
+        let [ratio, _] = rare_panel(&gpu, SurfelSettings { guided_share, ..settings() }, 160);
         println!("guiding {guided_share}: {:.2} % of the panel's energy", 100.0 * ratio);
         assert!((0.97..=1.03).contains(&ratio), "{ratio}");
     }
     // What the exact mean is compared with: the multiscale estimator's clamp eats rare light.
-    let [ratio, _] = rare_panel(SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, 160);
+    let [ratio, _] = rare_panel(&gpu, SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, 160);
     println!("multiscale: {:.2} %", 100.0 * ratio);
 }
