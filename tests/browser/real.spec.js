@@ -98,7 +98,7 @@ async function settledDifferently(before) {
 }
 
 test('the page loads and the demo scene settles', async () => {
-  await page.goto(`${server.address}/?max_spp=32&resolution=0.5`);
+  await page.goto(`${server.address}/?max_spp=16&resolution=0.5`);
   await settled();
   const pixels = await picture();
   const mean = pixels.reduce((sum, value) => sum + value, 0) / pixels.length;

@@ -69,6 +69,33 @@ fn error_falls_is_written_down_and_is_not_measured_twice() {
     assert_ne!(errors(&other), errors(&out));
 }
 
+/// Most devices cannot bind the largest cache; whether this one can or not, the table says so.
+#[test]
+fn a_cache_too_large_for_the_device_is_a_row_and_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let document = folder.path().join("table.md");
+    fs::write(&document, "<!-- densities: begin -->\n<!-- densities: end -->\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surfelcast"));
+    command.args(["bench", "error", "--study", "densities", "--scene", "demo:cornell_box", "--size", "16x12"]);
+    command.args([
+        "--surfel",
+        "capacity=4194304,65536",
+        "--surfel",
+        "radius=6",
+        "--samples",
+        "1",
+        "--replicates",
+        "1",
+        "--truth-spp",
+        "16",
+    ]);
+    command.arg("--table").arg(&document).arg("--out").arg(folder.path());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = fs::read_to_string(&document).unwrap();
+    assert!(table.contains("capacity=4194304") && table.contains("| 6 |"), "{table}");
+}
+
 #[test]
 fn bad_requests_end_with_two_before_anything_is_rendered() {
     let folder = tempfile::tempdir().unwrap();
