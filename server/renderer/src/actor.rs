@@ -434,7 +434,8 @@ impl Actor {
             std::thread::sleep(wait);
             match Gpu::open(&options) {
                 Ok(gpu) => {
-                    if self.config.prepares_general_kernels {
+                    // A software device runs none of them: see `RunningView::prepare`.
+                    if self.config.prepares_general_kernels && !gpu.is_cpu() {
                         // They compile while the first scene is still being read.
                         let techniques =
                             registry::TECHNIQUES.iter().flat_map(|entry| (entry.kernels)(&SurfelSettings::default()));

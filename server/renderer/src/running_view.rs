@@ -336,7 +336,9 @@ impl RunningView {
             materials: MaterialMode::Pbr,
             is_split: false,
             seed: SEED,
-            waits_for_kernels: false,
+            // A software device compiles a kernel when it first runs it, whoever made it ready: the general variant would only add
+            // its own time, and the change to the fitting one stop a moving picture for as long once more.
+            waits_for_kernels: gpu.is_cpu(),
             surfel: SurfelSettings::default(),
         };
         let mut technique = (entry.create)(gpu, scene, lights, session, options)?;
