@@ -21,7 +21,7 @@ use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids}
 use crate::failure::Failure;
 
 /// References that other renderers were measured on as well.
-const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small", "sponza", "classroom"];
+const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small_near_lambert", "sponza", "classroom"];
 /// Stands for all references.
 const EVERY_REFERENCE: &str = "references";
 /// Those of them for the study of reconstruction in the image.
