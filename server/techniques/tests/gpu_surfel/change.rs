@@ -102,6 +102,29 @@ fn a_settled_cache_traces_nothing_and_a_second_camera_on_lit_ground_little() {
     assert!(rig.frames(second.as_mut(), beside, 4) > 0);
 }
 
+/// Surfels of a camera far away are six times too coarse for one that has come closer.
+#[test]
+fn a_camera_that_comes_closer_gets_finer_surfels() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.0, ..SurfelSettings::BALANCED };
+    let near = camera([0.0, -0.75, 0.0], [0.05, -1.0, 0.05]);
+    let far = camera([0.6, 0.9, 0.6], [0.0, -1.0, 0.0]);
+    let fine_surfels = |cameras: &[(_, u32)]| {
+        let rig = Rig::new(&gpu, &scene, settings, [128, 128]);
+        for &(view, frames) in cameras {
+            let mut picture = rig.picture();
+            rig.frames(picture.as_mut(), view, frames);
+        }
+        let cache = rig.session.surfels().unwrap();
+        let surfels = cache.lock().export(&gpu).unwrap();
+        surfels.iter().filter(|surfel| surfel.record.radius < 0.03).count()
+    };
+    let [alone, after] = [fine_surfels(&[(near, 6)]), fine_surfels(&[(far, 6), (near, 6)])];
+    println!("{alone} fine surfels for a near camera, {after} where a far one had been");
+    assert!(after as f64 > 0.7 * alone as f64, "{after} of {alone}");
+}
+
 #[test]
 fn two_cameras_pay_for_the_rays_once() {
     let gpu = gpu();
