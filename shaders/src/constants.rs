@@ -49,6 +49,10 @@ shader_constants! {
     COUNTER_SLOTS: u32 = 256;
     /// Counters of a slot: primary, secondary and shadow rays, and samples that were not finite.
     COUNTERS_PER_SLOT: u32 = 4;
+    /// Invocations of a workgroup of a prefix sum.
+    SCAN_LANES: u32 = 256;
+    /// Values that one such workgroup sums.
+    SCAN_BLOCK: u32 = 4096;
     /// Rays after which a surfel counts fully in a gather.
     SURFEL_FULL_TRUST: f32 = 16.0;
     /// Words of a surfel's directional tables: 8x8 guiding bytes, then 4x4 depth moments.

@@ -195,6 +195,12 @@ impl Gpu {
         self.inner.report.kind == AdapterKind::Cpu
     }
 
+    /// Whether kernels are compiled when they first run, whoever made them ready: so software renderers do, and nothing is gained
+    /// by making one ready while another serves.
+    pub fn compiles_when_run(&self) -> bool {
+        self.is_cpu()
+    }
+
     /// Limits.
     pub fn limits(&self) -> &GpuLimits {
         &self.inner.report.limits

@@ -434,8 +434,7 @@ impl Actor {
             std::thread::sleep(wait);
             match Gpu::open(&options) {
                 Ok(gpu) => {
-                    // A software device runs none of them: see `RunningView::prepare`.
-                    if self.config.prepares_general_kernels && !gpu.is_cpu() {
+                    if self.config.prepares_general_kernels && !gpu.compiles_when_run() {
                         // They compile while the first scene is still being read.
                         let techniques =
                             registry::TECHNIQUES.iter().flat_map(|entry| (entry.kernels)(&SurfelSettings::default()));

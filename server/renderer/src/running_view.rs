@@ -336,9 +336,8 @@ impl RunningView {
             materials: MaterialMode::Pbr,
             is_split: false,
             seed: SEED,
-            // A software device compiles a kernel when it first runs it, whoever made it ready: the general variant would only add
-            // its own time, and the change to the fitting one stop a moving picture for as long once more.
-            waits_for_kernels: gpu.is_cpu(),
+            // There, the general variant would only add its own time, and the change to the fitting one stop the picture once more.
+            waits_for_kernels: gpu.compiles_when_run(),
             surfel: SurfelSettings::default(),
         };
         let mut technique = (entry.create)(gpu, scene, lights, session, options)?;

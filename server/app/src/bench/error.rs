@@ -264,7 +264,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
                 match measure(&gpu, &case, &stage, &truth, key.clone()) {
                     Ok(curve) => record.add(curve)?,
                     // A cache may be larger than what this device binds at once: that is a result too.
-                    Err(Failure::Input(reason)) if study == Study::Densities => {
+                    Err(Failure::Input(reason)) => {
                         let _ = writeln!(refusals, "\n{} on {}: {reason}.", variant.label(), case.name);
                     }
                     Err(failure) => return Err(failure),

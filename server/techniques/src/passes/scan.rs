@@ -3,11 +3,9 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_shaders::Features;
+use surfelcast_shaders::constants::SCAN_BLOCK;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::ScanUniforms;
-
-/// Values that one workgroup sums.
-const BLOCK: u32 = 4096;
 
 /// The kernels, and room for the sums of blocks of as many values as it was made for.
 #[derive(Debug)]
@@ -21,7 +19,7 @@ pub struct Scan {
 impl Scan {
     /// For up to so many values.
     pub fn new(gpu: &Gpu, largest_count: u32) -> Result<Self, GpuError> {
-        let sums_bytes = (u64::from(largest_count.div_ceil(BLOCK)) + 1) * 4;
+        let sums_bytes = (u64::from(largest_count.div_ceil(SCAN_BLOCK)) + 1) * 4;
         Ok(Self {
             blocks: gpu.kernel("scan_blocks", Features::NONE)?,
             totals: gpu.kernel("scan_totals", Features::NONE)?,
@@ -34,7 +32,7 @@ impl Scan {
     pub fn record(&self, graph: &mut Graph, values: &Buffer, count: u32) -> Result<(), GpuError> {
         let uniforms = ScanUniforms { count, padding0: 0, padding1: 0, padding2: 0 };
         let uniforms = bytemuck::bytes_of(&uniforms);
-        let groups = [count.div_ceil(BLOCK), 1, 1];
+        let groups = [count.div_ceil(SCAN_BLOCK), 1, 1];
         graph
             .pass(&self.blocks)
             .uniform("scan", uniforms)

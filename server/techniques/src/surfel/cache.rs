@@ -172,7 +172,6 @@ impl SurfelCache {
         let mark_slots = capacity * 2;
         let surfels = u64::from(capacity);
         let candidate_count = SURFEL_HIT_CANDIDATES;
-        let grid_words = grid_words(mark_slots, surfels * ENTRIES_PER_SURFEL);
         let cache = Self {
             settings: settings.of_cache(),
             seed: seed ^ SEED_SALT,
@@ -189,7 +188,7 @@ impl SurfelCache {
             tiles: buffer_of::<u32>(gpu, "surfel_tiles", surfels * u64::from(SURFEL_TILE_WORDS))?,
             flags: buffer_of::<u32>(gpu, "surfel_flags", surfels)?,
             lists: buffer_of::<u32>(gpu, "surfel_lists", surfels * 2)?,
-            grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words)?,
+            grid: buffer_of::<u32>(gpu, "surfel_grid", grid_words(mark_slots, surfels * ENTRIES_PER_SURFEL))?,
             slot_cursors: buffer_of::<u32>(gpu, "slot_cursors", u64::from(mark_slots))?,
             slot_seen: buffer_of::<u32>(gpu, "slot_seen", u64::from(mark_slots))?,
             slot_used: buffer_of::<u32>(gpu, "slot_used", u64::from(mark_slots))?,
@@ -452,8 +451,9 @@ fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
     if wanted > 0 {
         return wanted.clamp(least, most).next_power_of_two();
     }
-    // Directional tables, lists and grid; then the graph, counted in whether it is used or not.
-    let bytes_each = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>() + 128 + 112;
+    let records = size_of::<SurfelRecord>() + size_of::<SurfelLight>() + size_of::<SurfelOutput>();
+    // Lists, flags, sums and marks take 48 bytes; then the graph, counted in whether it is used or not.
+    let bytes_each = records + 4 * SURFEL_TILE_WORDS as usize + 8 * ENTRIES_PER_SURFEL as usize + 48;
     let bytes_each = bytes_each + 8 * (size_of::<SurfelEdge>() + 16) + 12 * 16;
     let affordable = gpu.memory().budget_bytes / MEMORY_SHARE / bytes_each as u64;
     // The largest power of two that is not above it.

@@ -26,7 +26,7 @@ const BURST_ROUNDS: u32 = 24;
 const ROUNDS: u32 = 3;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
 const ROUND_GAIN: f32 = 0.05;
-/// Living surfels for each ray of an update from which on it waits, and updates that wait one after the other at most.
+/// An update waits where it has less than a ray for so many living surfels, and so many wait one after the other at most.
 const SURFELS_PER_RAY: u32 = 16;
 const MOST_WAITED: u32 = 3;
 /// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
