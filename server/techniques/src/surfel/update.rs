@@ -405,9 +405,7 @@ impl SurfelCache {
         let asked = u32_of(&report.take(total)?);
         let count = u32_of(&report.take(ray_total)?);
         self.is_settled = asked == 0;
-        // Every update goes through all surfels, however few have rays.
-        let is_worth_it = count > 0 && (count >= self.live / SURFELS_PER_RAY || self.updates_waited >= MOST_WAITED);
-        if is_worth_it {
+        if is_worth_its_passes(count, self.live, self.updates_waited) {
             self.stage = UpdateStage::Tracing { next: 0, count, budget: ray_budget };
             self.updates_waited = 0;
         } else {
@@ -518,6 +516,11 @@ impl SurfelCache {
     }
 }
 
+/// Whether an update of so many rays is made now, after so many that waited: it goes through all surfels, however few have rays.
+fn is_worth_its_passes(rays: u32, live: u32, waited: u32) -> bool {
+    rays > 0 && (rays >= live / SURFELS_PER_RAY || waited >= MOST_WAITED)
+}
+
 /// A thread that takes the next ray when one has ended keeps its neighbours company; a GPU has to have enough threads first.
 fn rays_per_thread(gpu: &Gpu) -> u32 {
     if gpu.is_cpu() { 16 } else { 1 }
@@ -534,4 +537,19 @@ pub(crate) fn count_rays(step: &mut Step, bytes: &[u8]) {
         *sum += counted;
     }
     step.non_finite += counts.non_finite;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn updates_of_few_rays_wait_but_not_for_ever() {
+        let live = 100 * SURFELS_PER_RAY;
+        assert!(is_worth_its_passes(100, live, 0));
+        assert!(!is_worth_its_passes(99, live, MOST_WAITED - 1));
+        assert!(is_worth_its_passes(1, live, MOST_WAITED));
+        assert!(!is_worth_its_passes(0, live, MOST_WAITED), "there is nothing to trace");
+        assert!(is_worth_its_passes(1, 3, 0), "a few surfels wait for nothing");
+    }
 }
