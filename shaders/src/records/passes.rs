@@ -1,0 +1,131 @@
+//! Uniforms of a frame and of passes over pictures.
+
+crate::gpu_structs! {
+    /// Uniforms of a path kernel's dispatch, 144 bytes.
+    pub struct FrameUniforms {
+        /// Eye, scene space.
+        pub camera_origin: [f32; 3],
+        /// Pixels in a row.
+        pub width: u32,
+        /// Half the image plane's width at distance 1.
+        pub camera_right: [f32; 3],
+        /// Rows.
+        pub height: u32,
+        /// Half its height.
+        pub camera_up: [f32; 3],
+        /// First pixel of the dispatch.
+        pub first_pixel: u32,
+        /// Unit vector.
+        pub camera_forward: [f32; 3],
+        /// Pixels of the dispatch.
+        pub pixel_count: u32,
+        /// Seed.
+        pub seed: [u32; 2],
+        /// First sample of the dispatch.
+        pub first_sample: u32,
+        /// Samples of the dispatch.
+        pub sample_count: u32,
+        /// Part of the light table.
+        pub triangle_light_count: u32,
+        /// Part of the light table.
+        pub punctual_light_count: u32,
+        /// Part of the light table.
+        pub environment_light_count: u32,
+        /// Factor on emission.
+        pub emission_scale: f32,
+        /// Texels.
+        pub environment_size: [u32; 2],
+        /// Factor on the environment.
+        pub environment_scale: f32,
+        /// Radius of the sphere around the scene.
+        pub scene_radius: f32,
+        /// Where traversal starts.
+        pub top_root: u32,
+        /// Bound on bounces.
+        pub maximum_bounces: u32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Output or lane count.
+        pub selector: u32,
+    }
+
+    /// Uniforms of the audit's passes over the picture, 16 bytes.
+    pub struct AuditUniforms {
+        /// Pixels.
+        pub pixel_count: u32,
+        /// Samples a pixel.
+        pub samples: f32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Unused.
+        pub padding: u32,
+    }
+
+    /// Uniforms of the passes that weigh a picture from the cache and a path-traced one, 32 bytes.
+    pub struct SettleUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Path-traced samples a pixel.
+        pub path_samples: f32,
+        /// Samples a pixel that the combined picture is said to have.
+        pub shown_samples: f32,
+        /// Factor on the paths' noise.
+        pub caution: f32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+    }
+
+    /// Range of a prefix sum, 16 bytes.
+    pub struct ScanUniforms {
+        /// Values.
+        pub count: u32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+        /// Unused.
+        pub padding2: u32,
+    }
+
+    /// Grid of a screened Poisson problem, 16 bytes.
+    pub struct PoissonUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// What the kernel is asked for.
+        pub selector: u32,
+        /// A number that goes with it.
+        pub factor: f32,
+    }
+
+    /// Uniforms of `gradient`'s passes between tracing and the picture, 16 bytes.
+    pub struct GradientUniforms {
+        /// Pixels in a row.
+        pub width: u32,
+        /// Rows.
+        pub height: u32,
+        /// Factor of the values' variance.
+        pub value_factor: f32,
+        /// Factor of the differences' variance.
+        pub edge_factor: f32,
+    }
+
+    /// Uniforms of the tone map, 16 bytes.
+    pub struct ToneMapUniforms {
+        /// Pixels.
+        pub pixel_count: u32,
+        /// Linear factor.
+        pub exposure: f32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+    }
+}
