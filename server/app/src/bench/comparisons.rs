@@ -6,7 +6,7 @@ use crate::bench::record::{Curve, Point};
 use crate::bench::tables::{by_case, conditions};
 
 /// Rays a pixel at which reconstructions are compared.
-const RAYS_PER_PIXEL: [f64; 6] = [8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
+const RAYS_PER_PIXEL: [f64; 9] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
 
 fn surfels<'a>(of_case: &[&'a Curve], is_it: impl Fn(&Curve) -> bool) -> Option<&'a Curve> {
     of_case.iter().find(|curve| curve.key.variant.technique == "surfel" && is_it(curve)).copied()

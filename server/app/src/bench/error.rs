@@ -50,7 +50,7 @@ enum Study {
     Peers,
     /// A picture that settles beside the cache alone and path tracing, at equal seconds.
     Settling,
-    /// Reconstructions and path tracing at equal rays.
+    /// Indirect light by each reconstruction and by path tracing, at equal rays.
     Reconstructions,
     /// Indirect light reconstructed in the image, from the published scheme to ours, beside other reconstructions.
     Image,
@@ -135,9 +135,8 @@ impl Study {
             Self::Error => (256, 3),
             Self::Presets => (64, 2),
             Self::Densities | Self::Image => (32, 2),
-            Self::Peers => (256, 2),
+            Self::Peers | Self::Reconstructions => (256, 2),
             Self::Settling => (1024, 2),
-            Self::Reconstructions => (128, 2),
         }
     }
 
@@ -230,7 +229,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
             camera: args.camera.as_deref(),
             size: args.size,
             materials: args.materials,
-            is_indirect: study == Study::Image,
+            is_indirect: matches!(study, Study::Image | Study::Reconstructions),
             reference: args.reference.as_deref(),
         };
         let case = Case::find(&wanted, shared.as_deref())?;

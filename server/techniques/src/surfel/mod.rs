@@ -9,6 +9,7 @@
 
 mod cache;
 mod fill;
+mod filter;
 mod graph;
 mod grid;
 mod image;

@@ -5,7 +5,8 @@
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind};
+use surfelcast_shaders::constants::{KEEPS_DIFFUSE_LIGHT, REUSE_TURN_MASK};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
@@ -18,9 +19,10 @@ use crate::passes::upload::SceneBuffers;
 use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{SurfelCache, UpdateStage, cache_camera};
+use crate::surfel::filter::{LightFilter, Unfiltered};
 use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::kernels_for;
-use crate::surfel::reuse::{EarlierFrame, Reuse};
+use crate::surfel::reuse::{EarlierFrame, Reuse, has_noise};
 use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, count_rays};
@@ -103,8 +105,10 @@ pub(super) struct SurfelPicture {
     turn: u32,
     /// Of the picture before this one, until it is reused.
     taken: Option<EarlierFrame>,
-    /// Stands in for what shading keeps while nothing is reused.
-    unkept: Buffer,
+    /// B and reflectance by pixel of diffuse direct light, where it is reused or filtered; else a stand-in.
+    diffuse: Buffer,
+    /// Where direct light is noisy.
+    filter: Option<LightFilter>,
     /// Where surfels are drawn instead of gathered.
     splat: Option<Splat>,
     /// B and reflections, where asked for.
@@ -155,7 +159,8 @@ impl SurfelPicture {
             has_moved: options.size != options.full_size,
             taken: None,
             turn: 0,
-            unkept: gpu.buffer("diffuse_direct", MemoryKind::View, 16)?,
+            diffuse: gpu.buffer("diffuse_direct", MemoryKind::View, 16)?,
+            filter: None,
             splat,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
@@ -168,16 +173,70 @@ impl SurfelPicture {
         })
     }
 
-    /// Makes what reusing direct light takes, once it is of use: pictures that never move pay nothing.
-    fn prepare_reuse(&mut self, gpu: &Gpu, lights: &LightBuffers) {
-        let is_wanted = self.options.surfel.reuses_direct && !self.options.is_split && Reuse::helps(lights);
-        if !is_wanted {
-            (self.reuse, self.taken) = (None, None);
-        } else if self.has_moved && self.reuse.is_none() {
-            // A picture with more noise is better than none.
-            let made = Reuse::new(gpu, self.pixel_count(), self.taken.take());
-            self.reuse = made.inspect_err(|reason| tracing::warn!(%reason, "direct light is not reused")).ok();
+    /// Makes what filtering and reusing direct light take, once they are of use: pictures that never move need not reuse any.
+    fn prepare_light(&mut self, gpu: &Gpu, lights: &LightBuffers) {
+        let is_noisy = !self.options.is_split && has_noise(lights);
+        let [filters, reuses] = [self.options.surfel.filters_direct, self.options.surfel.reuses_direct]
+            .map(|is_wanted| is_noisy && is_wanted);
+        if !filters {
+            self.filter = None;
         }
+        if !reuses {
+            (self.reuse, self.taken) = (None, None);
+        }
+        // A picture with more noise is better than none.
+        if let Err(reason) = self.make_light_passes(gpu, filters, reuses && self.has_moved) {
+            tracing::warn!(%reason, "direct light is not filtered or not reused");
+        }
+    }
+
+    fn make_light_passes(&mut self, gpu: &Gpu, filters: bool, reuses: bool) -> Result<(), GpuError> {
+        let pixels = self.pixel_count();
+        let bytes = u64::from(pixels) * 16;
+        if (filters || reuses) && self.diffuse.size_bytes() < bytes {
+            self.diffuse = gpu.buffer("diffuse_direct", MemoryKind::View, bytes)?;
+        }
+        if filters && self.filter.is_none() {
+            self.filter = Some(LightFilter::new(gpu, pixels)?);
+        }
+        if reuses && self.reuse.is_none() {
+            self.reuse = Some(Reuse::new(gpu, pixels, self.taken.take())?);
+        }
+        Ok(())
+    }
+
+    /// Selector of the shading pass.
+    fn shade_selector(&self) -> u32 {
+        let samples = self.pixel_samples;
+        let turn = if self.reuse.is_some() { self.turn & REUSE_TURN_MASK } else { 0 };
+        let is_kept =
+            self.reuse.is_some() && Reuse::keeps(samples) || self.filter.is_some() && LightFilter::keeps(samples);
+        turn | if is_kept { KEEPS_DIFFUSE_LIGHT } else { 0 }
+    }
+
+    /// Records what is done with direct light once a whole sample is shaded.
+    fn finish_light(&mut self, graph: &mut Graph, frame: &FrameUniforms) -> Result<(), GpuError> {
+        if let Some(reuse) = &mut self.reuse {
+            reuse.record(graph, frame, &self.points, &self.diffuse, &self.accumulation)?;
+        }
+        // Only the frame's last sample is looked at.
+        if let Some(filter) = self.filter.as_mut().filter(|_| self.samples_left == 0) {
+            let reuse = self.reuse.as_ref();
+            let unfiltered = Unfiltered {
+                points: &self.points,
+                diffuse: &self.diffuse,
+                history: reuse.and_then(Reuse::history),
+                picture: reuse.and_then(Reuse::picture).unwrap_or(&self.accumulation),
+            };
+            filter.record(graph, frame, &unfiltered)?;
+        }
+        Ok(())
+    }
+
+    /// The cache's light at the pixels with direct light as it is shown.
+    fn gathered(&self) -> &Buffer {
+        let filtered = self.filter.as_ref().and_then(LightFilter::picture);
+        filtered.or_else(|| self.reuse.as_ref().and_then(Reuse::picture)).unwrap_or(&self.accumulation)
     }
 
     fn pixel_count(&self) -> u32 {
@@ -274,7 +333,7 @@ impl SurfelPicture {
         let range = u32::try_from(limit).unwrap_or(u32::MAX).max(64).min(self.pixel_count() - first);
         let mut frame = *frame;
         (frame.first_pixel, frame.pixel_count) = (first, range);
-        frame.selector = if self.reuse.is_some() { Reuse::selector(self.pixel_samples, self.turn) } else { 0 };
+        frame.selector = self.shade_selector();
         let uniforms = cache.uniforms(0);
         let mut graph = work.gpu.graph("surfel_shade");
         if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
@@ -289,7 +348,7 @@ impl SurfelPicture {
             .read_write("accumulation", &self.accumulation)
             .read_write("direct_mean", &self.direct)
             .read_write("counters", &self.counters)
-            .read_write_if_bound("diffuse_direct", self.reuse.as_ref().map_or(&self.unkept, Reuse::diffuse));
+            .read_write_if_bound("diffuse_direct", &self.diffuse);
         if let Some(splat) = &self.splat {
             pass = splat.bind(pass);
         }
@@ -300,10 +359,8 @@ impl SurfelPicture {
         if let Some(image) = &self.image {
             image.record_gather(&mut graph, work, cache, &frame, [&self.visible, &self.points])?;
         }
-        if let Some(reuse) =
-            self.reuse.as_mut().filter(|_| first + range == self.options.size[0] * self.options.size[1])
-        {
-            reuse.record(&mut graph, &frame, &self.points, &self.accumulation)?;
+        if first + range == self.pixel_count() {
+            self.finish_light(&mut graph, &frame)?;
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
@@ -361,13 +418,12 @@ impl SurfelPicture {
                 return Ok(Progress::EndOfStep);
             }
             Phase::Reconstruct => {
-                let picture = self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
+                let mut image = self.image.take();
                 let irradiance = self.split.as_ref().map(|(irradiance, _)| irradiance);
-                let drawn = Drawn { points: &self.points, picture, irradiance };
-                let is_solved = match &mut self.image {
-                    Some(image) => image.advance(work.gpu, frame, &drawn, step)?,
-                    None => true,
-                };
+                let drawn = Drawn { points: &self.points, picture: self.gathered(), irradiance };
+                let is_solved = image.as_mut().map_or(Ok(true), |image| image.advance(work.gpu, frame, &drawn, step));
+                self.image = image;
+                let is_solved = is_solved?;
                 return Ok(if is_solved { Progress::Whole } else { Progress::EndOfStep });
             }
         }
@@ -376,8 +432,7 @@ impl SurfelPicture {
 
     /// What the cache has to show.
     fn cache_picture(&self) -> &Buffer {
-        let gathered = || self.reuse.as_ref().and_then(Reuse::picture).unwrap_or(&self.accumulation);
-        self.image.as_ref().map_or_else(gathered, ImageReconstruction::picture)
+        self.image.as_ref().map_or_else(|| self.gathered(), ImageReconstruction::picture)
     }
 
     /// A frame of the cache is whole.
@@ -466,7 +521,7 @@ impl Technique for SurfelPicture {
         if self.phase == Phase::Start {
             self.kernels.refresh(gpu);
             if self.samples == 0 {
-                self.prepare_reuse(gpu, lights);
+                self.prepare_light(gpu, lights);
             }
         }
         let shared = Arc::clone(&self.cache);
@@ -523,6 +578,9 @@ impl Technique for SurfelPicture {
         }
         if let Some(image) = &mut self.image {
             image.restart();
+        }
+        if let Some(filter) = &mut self.filter {
+            filter.restart();
         }
         self.samples = 0;
         self.pixel_samples = 0;

@@ -2,15 +2,20 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_shaders::Features;
-use surfelcast_shaders::constants::{HAS_EARLIER_FRAME, KEEPS_DIFFUSE_LIGHT, REUSE_TURN_MASK, REUSED_FRAMES};
+use surfelcast_shaders::constants::{HAS_EARLIER_FRAME, REUSED_FRAMES};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{DirectHistory, FrameUniforms};
 
 use crate::passes::lights::LightBuffers;
 use crate::passes::workgroups_of;
 
-/// Point lights up to this number are all asked in every frame, which leaves no noise to reuse anything against.
+/// Point lights up to this number are all asked in every frame, which leaves no noise.
 const EXACT_LIGHTS: u32 = 4;
+
+/// Whether direct light has noise that reusing or filtering it takes away.
+pub(crate) const fn has_noise(lights: &LightBuffers) -> bool {
+    lights.triangle_count + lights.environment_count > 0 || lights.punctual_count > EXACT_LIGHTS
+}
 
 /// The last frame of a picture, as far as the next one can use it. Opaque to whoever hands it on.
 #[derive(Debug)]
@@ -32,8 +37,6 @@ pub(crate) struct Reuse {
     last: Option<(usize, FrameUniforms)>,
     /// The frame before the first, of another picture.
     taken: Option<EarlierFrame>,
-    /// Mean B and reflectance by pixel, written by shading.
-    diffuse: Buffer,
     /// The picture with what is reused.
     shown: Buffer,
     /// Whether that differs from the picture itself.
@@ -51,7 +54,6 @@ impl Reuse {
             history: [history()?, history()?],
             last: None,
             taken,
-            diffuse: buffer("diffuse_direct", 16)?,
             shown: buffer("shown", 16)?,
             is_shown: false,
         };
@@ -63,25 +65,10 @@ impl Reuse {
         Ok(reuse)
     }
 
-    /// Whether direct light has noise that reusing it takes away.
-    pub(crate) const fn helps(lights: &LightBuffers) -> bool {
-        lights.triangle_count + lights.environment_count > 0 || lights.punctual_count > EXACT_LIGHTS
-    }
-
-    /// What shading writes its diffuse light to.
-    pub(crate) const fn diffuse(&self) -> &Buffer {
-        &self.diffuse
-    }
-
     /// Whether a sample with so many before it is kept for later frames. After that nothing reused is left in the picture, and
     /// nothing is to be done.
-    const fn keeps(samples: u32) -> bool {
+    pub(crate) const fn keeps(samples: u32) -> bool {
         samples < 2 * REUSED_FRAMES
-    }
-
-    /// Selector of the shading pass: `turn` counts the camera's moves since the light changed.
-    pub(crate) const fn selector(samples: u32, turn: u32) -> u32 {
-        turn & REUSE_TURN_MASK | if Self::keeps(samples) { KEEPS_DIFFUSE_LIGHT } else { 0 }
     }
 
     /// The light changed: nothing of the past may show.
@@ -96,6 +83,12 @@ impl Reuse {
         self.last.map(|(place, frame)| EarlierFrame { history: self.history[place].clone(), frame, turn })
     }
 
+    /// `DirectHistory` of what is shown, while that has something reused in it.
+    pub(crate) fn history(&self) -> Option<&Buffer> {
+        let (place, _) = self.last.filter(|_| self.is_shown)?;
+        Some(&self.history[place])
+    }
+
     /// The picture with what is reused, while there is any.
     pub(crate) fn picture(&self) -> Option<&Buffer> {
         self.is_shown.then_some(&self.shown)
@@ -107,6 +100,7 @@ impl Reuse {
         graph: &mut Graph,
         frame: &FrameUniforms,
         points: &Buffer,
+        diffuse: &Buffer,
         accumulation: &Buffer,
     ) -> Result<(), GpuError> {
         if !Self::keeps(frame.first_sample) {
@@ -131,7 +125,7 @@ impl Reuse {
             .uniform("earlier", bytemuck::bytes_of(&earlier))
             .read("visible_points", points)
             .read("accumulation", accumulation)
-            .read("diffuse_light", &self.diffuse)
+            .read("diffuse_light", diffuse)
             .read("earlier_history", &earlier_history)
             .read_write("history", &self.history[current])
             .read_write("shown", &self.shown)

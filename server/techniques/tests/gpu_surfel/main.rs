@@ -5,6 +5,7 @@
 mod binning;
 mod change;
 mod energy;
+mod filter;
 mod grid;
 mod image;
 mod initial;

@@ -6,30 +6,9 @@ use surfelcast_techniques::technique::Technique;
 use surfelcast_techniques::{Change, LightBuffers, LightState, SurfelSettings};
 
 use crate::rig::{Rig, camera, gpu, mean};
-use crate::scenes::{Face, Paint, inside_of_box, scene};
+use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
-
-fn upright(x: [f32; 2], y: [f32; 2], z: f32, paint: Paint) -> Face {
-    (vec![[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]], paint)
-}
-
-fn lamp(x: f32, z: f32, half: f32, emission: f32) -> Face {
-    let y = 0.98;
-    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
-    (corners.map(|[dx, dz]| [x + dx, y, z + dz]).to_vec(), Paint::lamp(emission))
-}
-
-/// A room under many lamps of different strength with a wall that stands free.
-fn many_lamps() -> Scene {
-    let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.3));
-    faces.push(upright([-0.5, 0.5], [-1.0, 0.4], 0.0, Paint::matte(0.8)));
-    for index in 0..16_u8 {
-        let (column, row) = (f32::from(index % 4), f32::from(index / 4));
-        faces.push(lamp(column - 1.5, row - 1.5, 0.05, 4.0 + 3.0 * f32::from(index * 7 % 11)));
-    }
-    scene(&faces, 0.0)
-}
 
 /// The camera after so many steps of an orbit, each of about a pixel. It looks down, since lamps in view would be an error of
 /// their own: one sample a pixel hits them or not.
@@ -39,7 +18,8 @@ fn orbit(step: u32) -> Camera {
 }
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, reuses_direct: bool) -> Rig<'a> {
-    let settings = SurfelSettings { reuses_direct, ..SurfelSettings::BALANCED };
+    // The filter takes the same noise away: each is looked at alone.
+    let settings = SurfelSettings { reuses_direct, filters_direct: false, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
 

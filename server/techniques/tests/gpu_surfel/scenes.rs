@@ -77,3 +77,26 @@ pub(crate) fn inside_of_tetrahedron(paint: Paint) -> Vec<Face> {
     let [a, b, c, d] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0f32]];
     [[a, c, b], [a, b, d], [a, d, c], [b, c, d]].map(|corners| (corners.to_vec(), paint)).to_vec()
 }
+
+/// A rectangle of constant z.
+pub(crate) fn upright(x: [f32; 2], y: [f32; 2], z: f32, paint: Paint) -> Face {
+    (vec![[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]], paint)
+}
+
+/// A square lamp below a ceiling.
+pub(crate) fn lamp(x: f32, z: f32, half: f32, emission: f32) -> Face {
+    let y = 0.98;
+    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+    (corners.map(|[dx, dz]| [x + dx, y, z + dz]).to_vec(), Paint::lamp(emission))
+}
+
+/// A room under many lamps of different strength with a wall that stands free.
+pub(crate) fn many_lamps() -> Scene {
+    let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.3));
+    faces.push(upright([-0.5, 0.5], [-1.0, 0.4], 0.0, Paint::matte(0.8)));
+    for index in 0..16_u8 {
+        let (column, row) = (f32::from(index % 4), f32::from(index / 4));
+        faces.push(lamp(column - 1.5, row - 1.5, 0.05, 4.0 + 3.0 * f32::from(index * 7 % 11)));
+    }
+    scene(&faces, 0.0)
+}

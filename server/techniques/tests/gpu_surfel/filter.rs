@@ -1,0 +1,87 @@
+//! Direct light filtered over neighbouring pixels: less noise, shadows as sharp as they are, nothing that stays.
+
+use surfelcast_gpu::Gpu;
+use surfelcast_scene::{Camera, Scene};
+use surfelcast_techniques::SurfelSettings;
+
+use crate::rig::{Rig, camera, gpu, mean};
+use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
+
+const SIZE: [u32; 2] = [64, 48];
+/// Frames after which pictures are looked at.
+const LOOKS: [u32; 4] = [1, 2, 4, 16];
+/// Frames after which nothing of the filter is left: 128 samples of each pixel.
+const UNFILTERED: u32 = 128;
+
+fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, filters_direct: bool) -> Rig<'a> {
+    let settings = SurfelSettings { filters_direct, settles: false, ..SurfelSettings::BALANCED };
+    Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
+}
+
+fn rmse(a: &[f32], b: &[f32]) -> f64 {
+    mean(&a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect::<Vec<_>>()).sqrt()
+}
+
+/// Pictures after each of [`LOOKS`] without and with the filter, and the end of each.
+fn both(gpu: &Gpu, scene: &Scene, at: Camera) -> [(Vec<Vec<f32>>, Vec<[f32; 4]>); 2] {
+    [false, true].map(|filters_direct| {
+        let rig = rig(gpu, scene, filters_direct);
+        let mut picture = rig.picture();
+        let looks = LOOKS
+            .iter()
+            .map(|&frames| {
+                rig.frames(picture.as_mut(), at, frames);
+                rig.values(picture.as_ref())
+            })
+            .collect();
+        rig.frames(picture.as_mut(), at, UNFILTERED);
+        (looks, rig.read(picture.picture()))
+    })
+}
+
+/// The same view by other samples.
+fn truth(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
+    let rig = rig(gpu, scene, false);
+    let mut picture = rig.picture_by("surfel", 99);
+    rig.frames(picture.as_mut(), at, 256);
+    rig.values(picture.as_ref())
+}
+
+#[test]
+fn noise_under_many_lamps_is_filtered_and_the_picture_ends_as_without() {
+    let gpu = gpu();
+    let scene = many_lamps();
+    let at = camera([1.2, 0.6, 1.0], [0.0, -0.9, 0.0]);
+    let truth = truth(&gpu, &scene, at);
+    let [(plain, plain_end), (filtered, filtered_end)] = both(&gpu, &scene, at);
+    for (index, frames) in LOOKS.iter().enumerate() {
+        let [without, with] = [&plain[index], &filtered[index]].map(|picture| rmse(picture, &truth));
+        let gain = mean(&filtered[index]) / mean(&plain[index]) - 1.0;
+        println!(
+            "{frames} frames: {without:.4} without, {with:.4} with: {:.2}; light {:+.2} %",
+            with / without,
+            gain * 100.0
+        );
+        assert!(with < 0.75 * without);
+        assert!(gain.abs() < 0.01);
+    }
+    assert!(plain_end == filtered_end, "something of the filter stays");
+}
+
+#[test]
+fn borders_of_shadows_stay_sharp() {
+    let gpu = gpu();
+    // A board before a wall, under a lamp as small as a point: light that has a border and no noise.
+    let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.2));
+    faces.push(upright([-0.4, 0.4], [-1.0, 0.2], 0.0, Paint::matte(0.7)));
+    faces.push(lamp(0.3, 1.2, 0.005, 40_000.0));
+    let scene = scene(&faces, 0.0);
+    let at = camera([1.2, 0.6, 1.0], [0.0, -0.9, -0.5]);
+    let truth = truth(&gpu, &scene, at);
+    let [(plain, _), (filtered, _)] = both(&gpu, &scene, at);
+    for (index, frames) in LOOKS.iter().enumerate().skip(1) {
+        let [without, with] = [&plain[index], &filtered[index]].map(|picture| rmse(picture, &truth));
+        println!("{frames} frames: {without:.4} without, {with:.4} with: {:.2}", with / without);
+        assert!(with < 1.05 * without);
+    }
+}
