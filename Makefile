@@ -16,6 +16,8 @@ SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
 DOCS_SPP ?= 512
 # Where benchmarks leave CSV, JSON and plots, and go on from after an interrupt; remove it to measure anew.
 BENCH_OUT ?= target/bench
+# Plots that BENCHMARKS.md shows.
+BENCH_FIGURES := docs/bench
 # Seconds of other renderers: rows of their harness, then its stated tables.
 PEERS ?= $(wildcard $(addprefix $(or $(SURFELCAST_SHARED),../shared)/peers/,results.csv RESULTS.md))
 
@@ -66,9 +68,13 @@ bench-surfels: build ## Error of the surfel cache against references and path tr
 bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
 	$(CARGO) run --release --locked --package surfelcast-tests --example surfel_locality -- BENCHMARKS.md
 
+.PHONY: bench-all
+bench-all: bench bench-accuracy bench-surfels bench-locality bench-apply bench-error bench-presets bench-densities bench-settling bench-reconstructions bench-image bench-peers bench-scale bench-poisson ## Every table and plot of BENCHMARKS.md, one after the other; takes hours
+
 .PHONY: bench-error
 bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; plots in target/bench
 	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/error-*-seconds.svg $(BENCH_OUT)/error-pareto.svg $(BENCH_FIGURES)
 
 .PHONY: bench-presets
 bench-presets: build ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
@@ -89,10 +95,12 @@ bench-peers: build ## Seconds to an error beside other renderers, written into B
 .PHONY: bench-settling
 bench-settling: build ## Error of a picture that settles beside its two halves, written into BENCHMARKS.md
 	$(SURFELCAST) bench error --study settling --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/settling-*-seconds.svg $(BENCH_FIGURES)
 
 .PHONY: bench-reconstructions
 bench-reconstructions: build ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+	$(SURFELCAST) bench error --study reconstructions --size 96x72 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/reconstructions-*-rays.svg $(BENCH_FIGURES)
 
 .PHONY: bench-scale
 bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md

@@ -20,45 +20,57 @@ fn has_knob(curve: &Curve, knob: &str) -> bool {
     curve.key.variant.knobs.iter().any(|own| own == knob)
 }
 
+/// Budget at which a settling picture is worst beside the better of the cache alone and path tracing at the same cost, and how
+/// much worse.
+fn worst_beside<'a>(
+    settled: &'a Curve,
+    cache: &Curve,
+    path: &Curve,
+    cost: fn(&Point) -> f64,
+) -> Option<(&'a Point, f64)> {
+    // A cache that has nothing left to gain may be done before the last picture; its error stays.
+    let of_cache = |at: f64| {
+        let last = cache.points.last().filter(|last| at > cost(last));
+        last.map(|last| last.error).or_else(|| cache.error_at(cost, at))
+    };
+    let over_better = |point: &Point| {
+        let at = cost(point);
+        let better = [of_cache(at), path.error_at(cost, at)].into_iter().flatten().min_by(f64::total_cmp)?;
+        (better > 0.0).then_some(point.error / better)
+    };
+    let ratios = settled.points.iter().filter_map(|point| Some((point, over_better(point)?)));
+    ratios.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 /// Each picture while it settles: its error at every budget over the lesser of the cache's and the path tracer's after the
-/// same seconds.
+/// same rays and after the same seconds.
 pub(super) fn settling(curves: &[Curve]) -> String {
     let mut text = conditions(curves)
-        + "| picture | worst over the better of both | at s | samples | last: samples | s | RMSE | cache alone | path | slope |\n\
-           |---|---|---|---|---|---|---|---|---|---|\n";
+        + "| picture | worst at equal rays | samples | worst at equal seconds | samples | last: samples | s | RMSE | cache alone | \
+           path | slope |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
     for (case, of_case) in by_case(curves) {
         let settled = surfels(&of_case, |curve| !has_knob(curve, "settling=0"));
         let cache = surfels(&of_case, |curve| has_knob(curve, "settling=0"));
         let (Some(settled), Some(cache), Some(path)) = (settled, cache, paths(&of_case)) else { continue };
-        let secs = |point: &Point| point.secs;
-        // A cache that has nothing left to gain may be done before the last picture; its error stays.
-        let of_cache = |at: f64| {
-            let last = cache.points.last().filter(|last| at > last.secs);
-            last.map(|last| last.error).or_else(|| cache.error_at(secs, at))
-        };
-        let over_better = |point: &Point| {
-            let others = [of_cache(point.secs), path.error_at(secs, point.secs)];
-            let better = others.into_iter().flatten().min_by(f64::total_cmp)?;
-            (better > 0.0).then_some(point.error / better)
-        };
-        let ratios = settled.points.iter().filter_map(|point| Some((point, over_better(point)?)));
-        let worst = ratios.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some(last) = settled.points.last() else { continue };
         let slope = settled.points.iter().rev().nth(2).filter(|point| point.error > 0.0 && last.error > 0.0);
         let slope = slope.map(|point| (last.error / point.error).ln() / (last.secs / point.secs).ln());
+        let secs = |point: &Point| point.secs;
         let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
-        let (ratio, at, samples) = match worst {
-            Some((point, ratio)) => (format!("{ratio:.2}"), format!("{:.2}", point.secs), point.samples.to_string()),
-            None => ("-".to_owned(), "-".to_owned(), "-".to_owned()),
+        let worst = |cost| {
+            let found = worst_beside(settled, cache, path, cost);
+            found.map_or_else(|| "- | -".to_owned(), |(point, ratio)| format!("{ratio:.2} | {}", point.samples))
         };
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "| {case} | {ratio} | {at} | {samples} | {} | {:.2} | {:.4} | {} | {} | {} |",
+            "| {case} | {} | {} | {} | {:.2} | {:.4} | {} | {} | {} |",
+            worst(Point::rays),
+            worst(secs),
             last.samples,
             last.secs,
             last.error,
-            number(of_cache(last.secs)),
+            number(cache.error_at(secs, last.secs)),
             number(path.error_at(secs, last.secs)),
             slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}")),
         );
@@ -123,7 +135,8 @@ mod tests {
             curve("a_main_lambert", "path", 0.5),
         ];
         let text = settling(&curves);
-        assert!(text.contains("| a_main_lambert | 1.20 | "), "{text}");
+        let columns = text.lines().find(|line| line.contains("a_main_lambert")).unwrap().split('|').map(str::trim);
+        assert_eq!(columns.skip(2).step_by(2).take(2).collect::<Vec<_>>(), ["1.20", "1.20"], "{text}");
         assert!(text.trim_end().ends_with("-0.50 |"), "{text}");
     }
 

@@ -34,6 +34,8 @@ const WARM_FRAMES: u32 = 64;
 /// minutes with all that is not timed, on a software GPU with two cores too. No draw is held to less than the least.
 const STUDY_SECS: f64 = 900.0;
 const LEAST_SECS: f64 = 2.0;
+/// How names of passes begin that reconstruct light on the graph of surfels.
+const RECONSTRUCTION_PASSES: &str = "graph_";
 /// Keeps the random numbers of the camera before apart.
 const WARM_SEED: u64 = 1 << 32;
 
@@ -386,6 +388,7 @@ fn point(samples: u32, looks: &[&Look], truth: &Truth, exposure: f64) -> Point {
         secs,
         secs_std_error: known((spread / (count - 1.0)).sqrt()),
         gpu_secs: mean(&|look| look.cost.gpu_secs),
+        reconstruction_gpu_secs: mean(&|look| look.cost.gpu_secs_of(RECONSTRUCTION_PASSES)),
         rays_primary: mean(&|look| look.cost.rays[0] as f64),
         rays_secondary: mean(&|look| look.cost.rays[1] as f64),
         rays_shadow: mean(&|look| look.cost.rays[2] as f64),

@@ -50,6 +50,9 @@ pub(crate) struct Point {
     pub(crate) secs_std_error: Option<f64>,
     /// Time of passes as the device counts it.
     pub(crate) gpu_secs: f64,
+    /// What of it is reconstruction of the cache's light.
+    #[serde(default)]
+    pub(crate) reconstruction_gpu_secs: f64,
     pub(crate) rays_primary: f64,
     pub(crate) rays_secondary: f64,
     pub(crate) rays_shadow: f64,
@@ -126,7 +129,7 @@ impl Record {
 }
 
 const COLUMNS: &str = "case,width,height,technique,reconstruction,preset,knobs,start,truth,truth_noise,replicates,seed,device,\
-version,samples,secs,secs_std_error,gpu_secs,rays_primary,rays_secondary,rays_shadow,rmse,rmse_std_error,error,relative_mse,\
+version,samples,secs,secs_std_error,gpu_secs,reconstruction_gpu_secs,rays_primary,rays_secondary,rays_shadow,rmse,rmse_std_error,error,relative_mse,\
 flip,bias_squared,bias_squared_std_error,variance,variance_std_error,mean_bias,audited_rmse,audited_std_error,surfels,\
 non_finite,scene_bytes,session_bytes,view_bytes";
 
@@ -160,6 +163,7 @@ pub(crate) fn csv(curves: &[Curve]) -> String {
                 Some(p.secs),
                 p.secs_std_error,
                 Some(p.gpu_secs),
+                Some(p.reconstruction_gpu_secs),
                 Some(p.rays_primary),
                 Some(p.rays_secondary),
                 Some(p.rays_shadow),

@@ -46,6 +46,13 @@ pub(crate) struct Cost {
     pub(crate) passes: Vec<PassTime>,
 }
 
+impl Cost {
+    /// Device time of passes whose names begin so.
+    pub(crate) fn gpu_secs_of(&self, prefix: &str) -> f64 {
+        self.passes.iter().filter(|pass| pass.name.starts_with(prefix)).map(|pass| pass.gpu_ms * 1e-3).sum()
+    }
+}
+
 /// A picture in the making.
 pub(crate) struct Shot<'a> {
     stage: &'a Stage<'a>,

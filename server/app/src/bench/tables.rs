@@ -129,8 +129,8 @@ fn on_front(curves: &[Curve]) -> String {
 /// Presets: what each costs and gives.
 pub(super) fn presets(curves: &[Curve]) -> String {
     let mut text = conditions(curves)
-        + "| picture | preset | surfels | MiB | s a frame | s to .03 | .02 | .01 | frames | s | RMSE | FLIP | bias | noise | \
-           audit / RMSE |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+        + "| picture | preset | surfels | MiB | s a frame | solve adds | s to .03 | .02 | .01 | frames | s | RMSE | FLIP | bias | \
+           noise | audit / RMSE |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
     for (case, of_case) in by_case(curves) {
         for (row, curve) in of_case.iter().enumerate() {
             let Some(p) = curve.points.last() else { continue };
@@ -141,11 +141,12 @@ pub(super) fn presets(curves: &[Curve]) -> String {
             }
             let _ = writeln!(
                 text,
-                "| {} | {label} | {:.0} | {} | {:.3} | {secs} | {} | {:.2} | {} | {:.3} | {} | {} | {} |",
+                "| {} | {label} | {:.0} | {} | {:.3} | {:.0} % | {secs} | {} | {:.2} | {} | {:.3} | {} | {} | {} |",
                 if row == 0 { case } else { "" },
                 p.surfels.unwrap_or(0.0),
                 curve.memory_bytes[1] >> 20,
                 p.secs / f64::from(p.samples),
+                100.0 * p.reconstruction_gpu_secs / (p.gpu_secs - p.reconstruction_gpu_secs).max(1e-9),
                 p.samples,
                 p.secs,
                 with_error(p.error, p.rmse_std_error),
