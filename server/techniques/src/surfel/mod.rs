@@ -8,6 +8,7 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
+mod direct;
 mod fill;
 mod filter;
 mod graph;

@@ -5,8 +5,7 @@
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind};
-use surfelcast_shaders::constants::{KEEPS_DIFFUSE_LIGHT, REUSE_TURN_MASK};
+use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
@@ -19,10 +18,10 @@ use crate::passes::upload::SceneBuffers;
 use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{SurfelCache, UpdateStage, cache_camera};
-use crate::surfel::filter::{LightFilter, Unfiltered};
+use crate::surfel::direct::DirectLight;
 use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::kernels_for;
-use crate::surfel::reuse::{EarlierFrame, Reuse, has_noise};
+use crate::surfel::reuse::EarlierFrame;
 use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::splat::Splat;
 use crate::surfel::update::{Asking, Work, count_rays};
@@ -97,18 +96,8 @@ pub(super) struct SurfelPicture {
     points: Buffer,
     accumulation: Buffer,
     direct: Buffer,
-    /// From the camera's first move on, where direct light is noisy.
-    reuse: Option<Reuse>,
-    /// The camera has moved since the picture was made.
-    has_moved: bool,
-    /// Moves of the camera since the light changed.
-    turn: u32,
-    /// Of the picture before this one, until it is reused.
-    taken: Option<EarlierFrame>,
-    /// B and reflectance by pixel of diffuse direct light, where it is reused or filtered; else a stand-in.
-    diffuse: Buffer,
-    /// Where direct light is noisy.
-    filter: Option<LightFilter>,
+    /// What direct light is shown with instead of its plain mean.
+    light: DirectLight,
     /// Where surfels are drawn instead of gathered.
     splat: Option<Splat>,
     /// B and reflections, where asked for.
@@ -154,13 +143,7 @@ impl SurfelPicture {
             points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
-            reuse: None,
-            // Smaller than it will be shown: a gesture is on.
-            has_moved: options.size != options.full_size,
-            taken: None,
-            turn: 0,
-            diffuse: gpu.buffer("diffuse_direct", MemoryKind::View, 16)?,
-            filter: None,
+            light: DirectLight::new(gpu, &options)?,
             splat,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
@@ -171,72 +154,6 @@ impl SurfelPicture {
             counters: counters::buffer(gpu)?,
             options,
         })
-    }
-
-    /// Makes what filtering and reusing direct light take, once they are of use: pictures that never move need not reuse any.
-    fn prepare_light(&mut self, gpu: &Gpu, lights: &LightBuffers) {
-        let is_noisy = !self.options.is_split && has_noise(lights);
-        let [filters, reuses] = [self.options.surfel.filters_direct, self.options.surfel.reuses_direct]
-            .map(|is_wanted| is_noisy && is_wanted);
-        if !filters {
-            self.filter = None;
-        }
-        if !reuses {
-            (self.reuse, self.taken) = (None, None);
-        }
-        // A picture with more noise is better than none.
-        if let Err(reason) = self.make_light_passes(gpu, filters, reuses && self.has_moved) {
-            tracing::warn!(%reason, "direct light is not filtered or not reused");
-        }
-    }
-
-    fn make_light_passes(&mut self, gpu: &Gpu, filters: bool, reuses: bool) -> Result<(), GpuError> {
-        let pixels = self.pixel_count();
-        let bytes = u64::from(pixels) * 16;
-        if (filters || reuses) && self.diffuse.size_bytes() < bytes {
-            self.diffuse = gpu.buffer("diffuse_direct", MemoryKind::View, bytes)?;
-        }
-        if filters && self.filter.is_none() {
-            self.filter = Some(LightFilter::new(gpu, pixels)?);
-        }
-        if reuses && self.reuse.is_none() {
-            self.reuse = Some(Reuse::new(gpu, pixels, self.taken.take())?);
-        }
-        Ok(())
-    }
-
-    /// Selector of the shading pass.
-    fn shade_selector(&self) -> u32 {
-        let samples = self.pixel_samples;
-        let turn = if self.reuse.is_some() { self.turn & REUSE_TURN_MASK } else { 0 };
-        let is_kept =
-            self.reuse.is_some() && Reuse::keeps(samples) || self.filter.is_some() && LightFilter::keeps(samples);
-        turn | if is_kept { KEEPS_DIFFUSE_LIGHT } else { 0 }
-    }
-
-    /// Records what is done with direct light once a whole sample is shaded.
-    fn finish_light(&mut self, graph: &mut Graph, frame: &FrameUniforms) -> Result<(), GpuError> {
-        if let Some(reuse) = &mut self.reuse {
-            reuse.record(graph, frame, &self.points, &self.diffuse, &self.accumulation)?;
-        }
-        // Only the frame's last sample is looked at.
-        if let Some(filter) = self.filter.as_mut().filter(|_| self.samples_left == 0) {
-            let reuse = self.reuse.as_ref();
-            let unfiltered = Unfiltered {
-                points: &self.points,
-                diffuse: &self.diffuse,
-                history: reuse.and_then(Reuse::history),
-                picture: reuse.and_then(Reuse::picture).unwrap_or(&self.accumulation),
-            };
-            filter.record(graph, frame, &unfiltered)?;
-        }
-        Ok(())
-    }
-
-    /// The cache's light at the pixels with direct light as it is shown.
-    fn gathered(&self) -> &Buffer {
-        let filtered = self.filter.as_ref().and_then(LightFilter::picture);
-        filtered.or_else(|| self.reuse.as_ref().and_then(Reuse::picture)).unwrap_or(&self.accumulation)
     }
 
     fn pixel_count(&self) -> u32 {
@@ -333,7 +250,7 @@ impl SurfelPicture {
         let range = u32::try_from(limit).unwrap_or(u32::MAX).max(64).min(self.pixel_count() - first);
         let mut frame = *frame;
         (frame.first_pixel, frame.pixel_count) = (first, range);
-        frame.selector = self.shade_selector();
+        frame.selector = self.light.selector(self.pixel_samples);
         let uniforms = cache.uniforms(0);
         let mut graph = work.gpu.graph("surfel_shade");
         if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
@@ -348,7 +265,7 @@ impl SurfelPicture {
             .read_write("accumulation", &self.accumulation)
             .read_write("direct_mean", &self.direct)
             .read_write("counters", &self.counters)
-            .read_write_if_bound("diffuse_direct", &self.diffuse);
+            .read_write_if_bound("diffuse_direct", self.light.diffuse());
         if let Some(splat) = &self.splat {
             pass = splat.bind(pass);
         }
@@ -360,7 +277,8 @@ impl SurfelPicture {
             image.record_gather(&mut graph, work, cache, &frame, [&self.visible, &self.points])?;
         }
         if first + range == self.pixel_count() {
-            self.finish_light(&mut graph, &frame)?;
+            let is_last = self.samples_left == 0;
+            self.light.record(&mut graph, &frame, &self.points, &self.accumulation, is_last)?;
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
@@ -418,12 +336,13 @@ impl SurfelPicture {
                 return Ok(Progress::EndOfStep);
             }
             Phase::Reconstruct => {
-                let mut image = self.image.take();
+                let picture = self.light.picture().unwrap_or(&self.accumulation);
                 let irradiance = self.split.as_ref().map(|(irradiance, _)| irradiance);
-                let drawn = Drawn { points: &self.points, picture: self.gathered(), irradiance };
-                let is_solved = image.as_mut().map_or(Ok(true), |image| image.advance(work.gpu, frame, &drawn, step));
-                self.image = image;
-                let is_solved = is_solved?;
+                let drawn = Drawn { points: &self.points, picture, irradiance };
+                let is_solved = match &mut self.image {
+                    Some(image) => image.advance(work.gpu, frame, &drawn, step)?,
+                    None => true,
+                };
                 return Ok(if is_solved { Progress::Whole } else { Progress::EndOfStep });
             }
         }
@@ -432,7 +351,8 @@ impl SurfelPicture {
 
     /// What the cache has to show.
     fn cache_picture(&self) -> &Buffer {
-        self.image.as_ref().map_or_else(|| self.gathered(), ImageReconstruction::picture)
+        let gathered = || self.light.picture().unwrap_or(&self.accumulation);
+        self.image.as_ref().map_or_else(gathered, ImageReconstruction::picture)
     }
 
     /// A frame of the cache is whole.
@@ -521,7 +441,7 @@ impl Technique for SurfelPicture {
         if self.phase == Phase::Start {
             self.kernels.refresh(gpu);
             if self.samples == 0 {
-                self.prepare_light(gpu, lights);
+                self.light.prepare(gpu, lights);
             }
         }
         let shared = Arc::clone(&self.cache);
@@ -558,29 +478,12 @@ impl Technique for SurfelPicture {
     }
 
     fn invalidate(&mut self, change: Change) {
-        match change {
-            Change::Camera if self.samples > 0 => {
-                self.has_moved = true;
-                self.turn = self.turn.wrapping_add(1);
-            }
-            Change::Camera => {}
-            // The cache belongs to the session, which tells it of new lights once.
-            Change::Lights => {
-                self.turn = 0;
-                self.taken = None;
-                if let Some(reuse) = &mut self.reuse {
-                    reuse.forget();
-                }
-            }
-        }
+        self.light.restart(change, self.samples);
         if let Some(settle) = &mut self.settle {
             settle.restart();
         }
         if let Some(image) = &mut self.image {
             image.restart();
-        }
-        if let Some(filter) = &mut self.filter {
-            filter.restart();
         }
         self.samples = 0;
         self.pixel_samples = 0;
@@ -590,13 +493,11 @@ impl Technique for SurfelPicture {
     }
 
     fn leave_frame(&mut self) -> Option<EarlierFrame> {
-        self.reuse.as_ref().and_then(|reuse| reuse.leave(self.turn))
+        self.light.leave()
     }
 
     fn take_frame(&mut self, earlier: EarlierFrame) {
-        self.has_moved = true;
-        self.turn = earlier.turn.wrapping_add(1);
-        self.taken = Some(earlier);
+        self.light.take(earlier);
     }
 
     fn picture(&self) -> &Buffer {
