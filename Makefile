@@ -74,7 +74,6 @@ bench-all: bench bench-accuracy bench-surfels bench-locality bench-apply bench-e
 .PHONY: bench-error
 bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; plots in target/bench
 	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
-	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/error-*-seconds.svg $(BENCH_OUT)/error-pareto.svg $(BENCH_FIGURES)
 
 .PHONY: bench-presets
 bench-presets: build ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
@@ -99,8 +98,7 @@ bench-settling: build ## Error of a picture that settles beside its two halves, 
 
 .PHONY: bench-reconstructions
 bench-reconstructions: build ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study reconstructions --size 96x72 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
-	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/reconstructions-*-rays.svg $(BENCH_FIGURES)
+	$(SURFELCAST) bench error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-scale
 bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md

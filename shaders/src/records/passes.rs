@@ -81,15 +81,9 @@ crate::gpu_structs! {
         pub padding1: u32,
     }
 
-    /// Uniforms of the passes that filter direct light over neighbouring pixels, 32 bytes.
+    /// Uniforms of the passes that filter direct light over neighbouring pixels, 16 bytes.
     pub struct FilterUniforms {
-        /// Pixels in a row.
-        pub width: u32,
-        /// Rows.
-        pub height: u32,
-        /// Samples a pixel.
-        pub samples: f32,
-        /// Of those, how many the earlier mean stands for that noise is told by; 0 for none.
+        /// Samples behind the earlier mean that noise is told by; 0 for none.
         pub earlier_samples: f32,
         /// Whether the mean of now is kept to compare later ones with.
         pub is_kept: u32,
@@ -97,8 +91,6 @@ crate::gpu_structs! {
         pub has_reused: u32,
         /// Share of the filter's result that is taken.
         pub strength: f32,
-        /// Linear factor of the error metric.
-        pub exposure: f32,
     }
 
     /// Range of a prefix sum, 16 bytes.

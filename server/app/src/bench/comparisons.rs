@@ -20,6 +20,12 @@ fn has_knob(curve: &Curve, knob: &str) -> bool {
     curve.key.variant.knobs.iter().any(|own| own == knob)
 }
 
+/// Error of the cache alone at a cost. It may have nothing left to gain before that, and be done: its error stays.
+fn cache_error_at(cache: &Curve, cost: fn(&Point) -> f64, at: f64) -> Option<f64> {
+    let last = cache.points.last().filter(|last| at > cost(last));
+    last.map(|last| last.error).or_else(|| cache.error_at(cost, at))
+}
+
 /// Budget at which a settling picture is worst beside the better of the cache alone and path tracing at the same cost, and how
 /// much worse.
 fn worst_beside<'a>(
@@ -28,14 +34,10 @@ fn worst_beside<'a>(
     path: &Curve,
     cost: fn(&Point) -> f64,
 ) -> Option<(&'a Point, f64)> {
-    // A cache that has nothing left to gain may be done before the last picture; its error stays.
-    let of_cache = |at: f64| {
-        let last = cache.points.last().filter(|last| at > cost(last));
-        last.map(|last| last.error).or_else(|| cache.error_at(cost, at))
-    };
     let over_better = |point: &Point| {
         let at = cost(point);
-        let better = [of_cache(at), path.error_at(cost, at)].into_iter().flatten().min_by(f64::total_cmp)?;
+        let better =
+            [cache_error_at(cache, cost, at), path.error_at(cost, at)].into_iter().flatten().min_by(f64::total_cmp)?;
         (better > 0.0).then_some(point.error / better)
     };
     let ratios = settled.points.iter().filter_map(|point| Some((point, over_better(point)?)));
@@ -70,7 +72,7 @@ pub(super) fn settling(curves: &[Curve]) -> String {
             last.samples,
             last.secs,
             last.error,
-            number(cache.error_at(secs, last.secs)),
+            number(cache_error_at(cache, secs, last.secs)),
             number(path.error_at(secs, last.secs)),
             slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}")),
         );

@@ -103,7 +103,7 @@ pub(crate) struct ErrorArgs {
     /// Seed of the first draw; those after it follow.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 31))]
     seed: u64,
-    /// Picture size; the reference's by default. Another one needs a truth of its own.
+    /// Picture size; the reference's by default, 96x72 for reconstructions. Another one needs a truth of its own.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Materials.
@@ -140,6 +140,11 @@ impl Study {
             Self::Peers | Self::Reconstructions => (256, 2),
             Self::Settling => (1024, 2),
         }
+    }
+
+    /// Size of pictures that have no reference to be as large as: a truth of many samples is affordable.
+    fn size(self) -> Option<[u32; 2]> {
+        (self == Self::Reconstructions).then_some([96, 72])
     }
 
     /// What is compared, in the order of the table.
@@ -229,7 +234,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         let wanted = Wanted {
             scene,
             camera: args.camera.as_deref(),
-            size: args.size,
+            size: args.size.or_else(|| study.size().filter(|_| args.reference.is_none())),
             materials: args.materials,
             is_indirect: matches!(study, Study::Image | Study::Reconstructions),
             reference: args.reference.as_deref(),

@@ -50,7 +50,7 @@ pub(crate) struct Point {
     pub(crate) secs_std_error: Option<f64>,
     /// Time of passes as the device counts it.
     pub(crate) gpu_secs: f64,
-    /// What of it is reconstruction of the cache's light.
+    /// What of it is reconstruction on the graph of surfels.
     #[serde(default)]
     pub(crate) reconstruction_gpu_secs: f64,
     pub(crate) rays_primary: f64,

@@ -94,14 +94,10 @@ impl LightFilter {
         let samples = frame.first_sample + 1;
         let (earlier_samples, is_kept) = self.count(samples);
         let uniforms = FilterUniforms {
-            width: frame.width,
-            height: frame.height,
-            samples: samples as f32,
             earlier_samples: earlier_samples as f32,
             is_kept: u32::from(is_kept),
             has_reused: u32::from(unfiltered.history.is_some()),
             strength: (2.0 - samples as f32 / FILTERED_SAMPLES as f32).clamp(0.0, 1.0),
-            exposure: frame.exposure,
         };
         let workgroups = workgroups_of(frame.width * frame.height);
         // Where there is no history it is not read, whatever is bound.
@@ -119,6 +115,7 @@ impl LightFilter {
             .dispatch(workgroups)?;
         graph
             .pass(&self.blend)
+            .uniform("frame", bytemuck::bytes_of(frame))
             .uniform("filtering", bytemuck::bytes_of(&uniforms))
             .read("diffuse_light", unfiltered.diffuse)
             .read("history", history)

@@ -4,7 +4,7 @@ use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::SurfelSettings;
 
-use crate::rig::{Rig, camera, gpu, mean};
+use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
@@ -16,10 +16,6 @@ const UNFILTERED: u32 = 128;
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, filters_direct: bool) -> Rig<'a> {
     let settings = SurfelSettings { filters_direct, settles: false, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
-}
-
-fn rmse(a: &[f32], b: &[f32]) -> f64 {
-    mean(&a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect::<Vec<_>>()).sqrt()
 }
 
 struct Walk {

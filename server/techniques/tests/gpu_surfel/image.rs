@@ -5,8 +5,8 @@ use surfelcast_techniques::surfel::{ImageScheme, Reconstruction};
 use surfelcast_techniques::technique::Technique;
 use surfelcast_techniques::{Change, SurfelSettings};
 
-use crate::reconstruction::{SIZE, rmse, room, settings};
-use crate::rig::{Rig, camera, gpu, mean};
+use crate::reconstruction::{SIZE, room, settings};
+use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::scene;
 
 fn image(scheme: ImageScheme) -> SurfelSettings {

@@ -3,7 +3,7 @@
 use surfelcast_techniques::SurfelSettings;
 use surfelcast_techniques::surfel::Reconstruction;
 
-use crate::rig::{Rig, camera, gpu, mean};
+use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 pub(crate) const SIZE: [u32; 2] = [64, 48];
@@ -34,12 +34,6 @@ fn pictures(reconstruction: Reconstruction, frames: u32) -> Vec<f32> {
     rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), frames);
     let (_, irradiance) = picture.split().unwrap();
     rig.read(irradiance).iter().map(|pixel| pixel[0]).collect()
-}
-
-pub(crate) fn rmse(values: &[f32], truth: &[f32]) -> f64 {
-    let tone = |x: f32| f64::from(x) / (1.0 + f64::from(x));
-    let squares = values.iter().zip(truth).map(|(&a, &b)| (tone(a) - tone(b)).powi(2)).sum::<f64>();
-    (squares / values.len() as f64).sqrt()
 }
 
 /// Reconnected rays measure what converged values differ by, across corners, contacts and shadow edges alike.

@@ -5,7 +5,7 @@ use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::technique::Technique;
 use surfelcast_techniques::{Change, LightBuffers, LightState, SurfelSettings};
 
-use crate::rig::{Rig, camera, gpu, mean};
+use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
@@ -18,8 +18,7 @@ fn orbit(step: u32) -> Camera {
 }
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, reuses_direct: bool) -> Rig<'a> {
-    // The filter takes the same noise away: each is looked at alone.
-    let settings = SurfelSettings { reuses_direct, filters_direct: false, ..SurfelSettings::BALANCED };
+    let settings = SurfelSettings { reuses_direct, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
 
@@ -37,10 +36,6 @@ fn converged(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
     picture.invalidate(Change::Camera);
     rig.frames(picture.as_mut(), at, 256);
     rig.values(picture.as_ref())
-}
-
-fn rmse(a: &[f32], b: &[f32]) -> f64 {
-    mean(&a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect::<Vec<_>>()).sqrt()
 }
 
 #[test]
@@ -146,6 +141,8 @@ fn a_sharper_picture_starts_from_the_frame_of_a_coarse_one() {
     let scene = many_lamps();
     let truth = converged(&gpu, &scene, orbit(8));
     let mut rig = rig(&gpu, &scene, true);
+    // The filter takes the same noise away from either.
+    rig.settings.filters_direct = false;
     let gesture = |rig: &mut Rig<'_>| {
         rig.size = [SIZE[0] / 2, SIZE[1] / 2];
         let mut coarse = rig.picture();

@@ -96,6 +96,10 @@ pub(crate) fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64
 }
 
+pub(crate) fn rmse(a: &[f32], b: &[f32]) -> f64 {
+    mean(&a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect::<Vec<_>>()).sqrt()
+}
+
 /// Means over squares of `side` pixels.
 pub(crate) fn blocks(values: &[f32], size: [u32; 2], side: u32) -> Vec<f64> {
     let mut means = Vec::new();

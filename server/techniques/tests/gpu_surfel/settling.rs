@@ -6,8 +6,8 @@ use surfelcast_techniques::surfel::{Estimator, Reconstruction};
 use surfelcast_techniques::technique::{Change, StepBudget, Technique};
 use surfelcast_techniques::{FrameView, SurfelSettings};
 
-use crate::reconstruction::{rmse, room};
-use crate::rig::{Rig, camera, gpu};
+use crate::reconstruction::room;
+use crate::rig::{Rig, camera, gpu, rmse};
 use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
