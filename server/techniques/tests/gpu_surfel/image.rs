@@ -6,7 +6,7 @@ use surfelcast_techniques::technique::Technique;
 use surfelcast_techniques::{Change, SurfelSettings};
 
 use crate::reconstruction::{SIZE, room, settings};
-use crate::rig::{Rig, camera, gpu, mean, rmse};
+use crate::rig::{Rig, camera, gpu, mean, tone_mapped_rmse};
 use crate::scenes::scene;
 
 fn image(scheme: ImageScheme) -> SurfelSettings {
@@ -49,7 +49,7 @@ fn truth() -> (Vec<f32>, f64) {
     };
     let (first, whole) = (look(HALF), look(2 * HALF));
     let second: Vec<f32> = first.iter().zip(&whole).map(|(first, whole)| 2.0 * whole - first).collect();
-    let noise = rmse(&first, &second).powi(2) / 4.0;
+    let noise = tone_mapped_rmse(&first, &second).powi(2) / 4.0;
     (whole, noise)
 }
 
@@ -59,7 +59,7 @@ fn truth() -> (Vec<f32>, f64) {
 fn weighed_differences_lower_the_error_and_the_published_scheme_raises_it() {
     const FRAMES: [u32; 3] = [2, 8, 32];
     let (truth, noise) = truth();
-    let error = |look: &Vec<f32>| (rmse(look, &truth).powi(2) - noise).max(0.0).sqrt();
+    let error = |look: &Vec<f32>| (tone_mapped_rmse(look, &truth).powi(2) - noise).max(0.0).sqrt();
     let errors = |settings| pictures(settings, &FRAMES).iter().map(error).collect::<Vec<_>>();
     let none = errors(settings(Reconstruction::None));
     let weighed = errors(image(ImageScheme::Weighed));

@@ -3,7 +3,7 @@
 use surfelcast_techniques::SurfelSettings;
 use surfelcast_techniques::surfel::Reconstruction;
 
-use crate::rig::{Rig, camera, gpu, mean, rmse};
+use crate::rig::{Rig, camera, gpu, mean, tone_mapped_rmse};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 pub(crate) const SIZE: [u32; 2] = [64, 48];
@@ -84,7 +84,7 @@ fn reconstruction_lowers_the_error_early_and_never_raises_it() {
     let truth = pictures(Reconstruction::None, 256);
     for (frames, most) in [(2, 0.7), (8, 0.8), (32, 1.02)] {
         let [none, regression, poisson] = [Reconstruction::None, Reconstruction::Regression, Reconstruction::Poisson]
-            .map(|reconstruction| rmse(&pictures(reconstruction, frames), &truth));
+            .map(|reconstruction| tone_mapped_rmse(&pictures(reconstruction, frames), &truth));
         println!("{frames} frames: none {none:.5}, regression {regression:.5}, poisson {poisson:.5}");
         assert!(poisson <= most * none, "{frames} frames: {poisson} {none}");
         assert!(regression <= 1.02 * none, "{frames} frames: {regression} {none}");

@@ -96,6 +96,13 @@ pub(crate) fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64
 }
 
+/// RMSE of tone-mapped pictures.
+pub(crate) fn tone_mapped_rmse(values: &[f32], truth: &[f32]) -> f64 {
+    let tone = |x: &f32| x / (1.0 + x);
+    let [values, truth] = [values, truth].map(|picture| picture.iter().map(tone).collect::<Vec<_>>());
+    rmse(&values, &truth)
+}
+
 pub(crate) fn rmse(a: &[f32], b: &[f32]) -> f64 {
     mean(&a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).collect::<Vec<_>>()).sqrt()
 }

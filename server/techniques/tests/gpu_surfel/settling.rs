@@ -7,7 +7,7 @@ use surfelcast_techniques::technique::{Change, StepBudget, Technique};
 use surfelcast_techniques::{FrameView, SurfelSettings};
 
 use crate::reconstruction::room;
-use crate::rig::{Rig, camera, gpu, rmse};
+use crate::rig::{Rig, camera, gpu, tone_mapped_rmse};
 use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
@@ -52,7 +52,7 @@ fn path(rig: &Rig<'_>, samples: u32, seed: u64) -> (Vec<f32>, u64) {
 }
 
 fn mse(values: &[f32], truth: &[f32]) -> f64 {
-    rmse(values, truth).powi(2)
+    tone_mapped_rmse(values, truth).powi(2)
 }
 
 #[test]
