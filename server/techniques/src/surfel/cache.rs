@@ -31,6 +31,9 @@ const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
 const DRIFT_UPDATES: u32 = 256;
 /// Directions in which the first surfels are looked for, where they are not those of gaps.
 const INITIAL_RANGE: [f32; 2] = [256.0, 1_048_576.0];
+/// Radii of surfels for pictures of less than half the full size, in radii of those for larger ones: so coarse that they do not pass
+/// for cover in a larger picture, which would keep finer ones from coming, and not so coarse that it does not show them meanwhile.
+const COARSE_RADII: f64 = 3.0;
 const SEED_SALT: u64 = 0x7375_7266_656c_0001;
 
 /// A camera that uses the cache.
@@ -112,6 +115,8 @@ pub struct SurfelCache {
     /// Surfels that stood before gaps were filled.
     pub(crate) seeded: u32,
     pub(crate) next_serial: u32,
+    /// Surfels born since rays were last dealt out.
+    pub(crate) newborn: u32,
     /// Bit for each grid level that holds surfels.
     pub(crate) levels: u32,
     /// One word that a kernel answers the host with: level bits, rays dealt out.
@@ -208,6 +213,7 @@ impl SurfelCache {
             live: 0,
             seeded: 0,
             next_serial: 1,
+            newborn: 0,
             levels: 0,
             answer: buffer_of::<u32>(gpu, "answer", 4)?,
             update: 1,
@@ -462,8 +468,12 @@ fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
     pixel_count.next_power_of_two().clamp(least, affordable)
 }
 
-/// Size of a pixel at distance 1, and the camera's place in scene space.
+/// What a picture asks of the cache: the camera's place in scene space, and the size of a pixel at distance 1 that radii are meant for.
+/// That is a pixel of the full size, so that a gesture's pictures leave surfels fit for the still after it; but a much smaller picture
+/// could neither cover itself with so many nor give each of them rays. It asks for coarser ones, which the still refines.
 pub(crate) fn cache_camera(view: &crate::FrameView, origin: DVec3, full_size: [u32; 2]) -> CacheCamera {
-    let pixel_size = 2.0 * (view.camera.vfov * 0.5).tan() / f64::from(full_size[1].max(1));
+    let rows = view.size[1].max(1);
+    let coarseness = if rows.saturating_mul(2) < full_size[1] { COARSE_RADII } else { 1.0 };
+    let pixel_size = coarseness * 2.0 * (view.camera.vfov * 0.5).tan() / f64::from(full_size[1].max(1));
     CacheCamera { position: (view.camera.position - origin).as_vec3().to_array(), pixel_size: pixel_size as f32 }
 }

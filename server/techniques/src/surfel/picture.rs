@@ -30,6 +30,11 @@ use crate::technique::{Change, Step, StepBudget, Technique, TechniqueError, Tech
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
 const FEWEST_RAYS: u32 = 4096;
 const MOST_RAYS: u32 = 1 << 22;
+/// Rays of an update at least for each surfel born since the last one. Surfels are denser among the pixels of a small picture, whose
+/// rays go by its pixels: they would have hardly one each, and pixels would trace noisy paths in their stead.
+const RAYS_OF_NEWBORN: u32 = 8;
+/// One surfel in so many has to be newborn for a picture to drive an update out of turn.
+const LIVING_PER_NEWBORN: u32 = 8;
 /// Pixels whose camera rays are traced in one submission.
 const VISIBILITY_PIXELS: u32 = 1 << 18;
 /// Samples of each pixel in the first frames; those after them take one. A first frame comes as soon as it can, and while something
@@ -160,11 +165,11 @@ impl SurfelPicture {
         self.options.size[0] * self.options.size[1]
     }
 
-    fn ray_budget(&self) -> u32 {
+    fn ray_budget(&self, newborn: u32) -> u32 {
         // Pictures of a gesture are small so that they come soon; their rays are fewer likewise.
         let [width, height] = self.options.size;
         let rays = width as f32 * height as f32 * self.options.surfel.rays_per_pixel;
-        (rays as u32).clamp(FEWEST_RAYS, MOST_RAYS)
+        (rays as u32).max(newborn.saturating_mul(RAYS_OF_NEWBORN)).clamp(FEWEST_RAYS, MOST_RAYS)
     }
 
     /// Camera rays, then surfels for what they meet, then the start of an update if one is due.
@@ -192,9 +197,10 @@ impl SurfelPicture {
         } else {
             self.quiet_frames -= 1;
         }
-        // A picture that has not seen the newest update uses that one; else it drives the next.
-        if self.seen_update >= cache.update && !cache.is_settled || cache.update <= 1 {
-            cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(), step)?;
+        // A picture that has not seen the newest update uses that one, unless it came upon much new ground; else it drives the next.
+        let has_news = cache.newborn > 0 && cache.newborn >= cache.live / LIVING_PER_NEWBORN;
+        if self.seen_update >= cache.update && !cache.is_settled || has_news || cache.update <= 1 {
+            cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(cache.newborn), step)?;
         }
         self.samples_left = self.further_samples(cache.rays_under_way());
         self.phase = Phase::Update;

@@ -205,7 +205,7 @@ impl SurfelCache {
             .dispatch(workgroups_of(count))?;
         let probes = graph.read_back(&self.counters, 0..counters::BYTES)?;
         // Ray hits put candidates up once. Those of tiles tell the next round where to look.
-        graph.clear_first(&self.candidates, u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64)?;
+        self.record_no_hits(&mut graph)?;
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(probes)?);
@@ -213,9 +213,16 @@ impl SurfelCache {
         if all > 0 {
             self.next_serial = self.next_serial.wrapping_add(all);
             let spawned = all.min(self.capacity - self.live);
+            self.newborn = self.newborn.saturating_add(spawned);
             self.rebuild(work, self.live + spawned, step)?;
         }
         Ok(Accepted { all, of_picture: all.saturating_sub(of_hits) })
+    }
+
+    /// Takes back candidates that ray hits put up.
+    fn record_no_hits(&self, graph: &mut Graph) -> Result<(), TechniqueError> {
+        let bytes = u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64;
+        Ok(graph.clear_first(&self.candidates, bytes)?)
     }
 
     /// Brings the cache up to date with its cameras: takes out pins of those gone, files what is not in the grid yet, and files
@@ -408,6 +415,7 @@ impl SurfelCache {
         if is_worth_its_passes(count, self.live, self.updates_waited) {
             self.stage = UpdateStage::Tracing { next: 0, count, budget: ray_budget };
             self.updates_waited = 0;
+            self.newborn = 0;
         } else {
             // The next update asks again, and so does one for which chance gave no ray.
             self.update += 1;
@@ -444,8 +452,12 @@ impl SurfelCache {
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let is_last = next + range == count;
         let mut live = None;
+        if is_last && count < self.live / SURFELS_PER_RAY {
+            // What the last few rays of a cache that has all but settled come upon would ask for rays of its own, and so on.
+            self.record_no_hits(&mut graph)?;
+        }
         if is_last {
-            live = Some(self.record_integration(&mut graph, kernels, &uniforms)?);
+            live = Some(self.record_integration(&mut graph, kernels, &uniforms, count)?);
         }
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
@@ -464,11 +476,13 @@ impl SurfelCache {
         Ok(range)
     }
 
+    /// Means, what gathers read, and who goes, after an update of so many rays.
     fn record_integration(
         &self,
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
+        rays: u32,
     ) -> Result<Ticket, TechniqueError> {
         let bytes = bytemuck::bytes_of(uniforms);
         let groups = workgroups_of(self.live);
@@ -493,9 +507,10 @@ impl SurfelCache {
                 .read_write("outputs", &self.outputs)
                 .dispatch(groups)?;
         }
+        let of_update = SurfelUniforms { item_count: rays, ..*uniforms };
         graph
             .pass(kernels.get("surfel_recycle")?)
-            .uniform("cache", bytes)
+            .uniform("cache", bytemuck::bytes_of(&of_update))
             .read("surfels", &self.records)
             .read("surfel_lists", &self.lists)
             .read("slot_seen", &self.slot_seen)

@@ -32,7 +32,7 @@ fn two_rooms() -> Vec<Face> {
 }
 
 fn picture(rig: &mut Rig<'_>, size: [u32; 2], pins: bool) -> Box<dyn Technique> {
-    rig.size = size;
+    (rig.size, rig.full_size) = (size, size);
     rig.settings = SurfelSettings { pins, ..SETTINGS };
     rig.picture()
 }

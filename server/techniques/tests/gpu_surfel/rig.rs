@@ -26,6 +26,8 @@ pub(crate) struct Rig<'a> {
     pub(crate) settings: SurfelSettings,
     pub(crate) materials: MaterialMode,
     pub(crate) size: [u32; 2],
+    /// Size that surfels are made for.
+    pub(crate) full_size: [u32; 2],
     pub(crate) is_split: bool,
 }
 
@@ -39,6 +41,7 @@ impl<'a> Rig<'a> {
             settings,
             materials: MaterialMode::Lambert,
             size,
+            full_size: size,
             is_split: true,
         }
     }
@@ -50,7 +53,7 @@ impl<'a> Rig<'a> {
     pub(crate) fn picture_by(&self, technique: &str, seed: u64) -> Box<dyn Technique> {
         let options = TechniqueOptions {
             size: self.size,
-            full_size: self.size,
+            full_size: self.full_size,
             materials: self.materials,
             is_split: self.is_split,
             seed,
