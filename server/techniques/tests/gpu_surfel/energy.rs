@@ -9,7 +9,7 @@ use crate::scenes::{Face, Paint, inside_of_box, inside_of_tetrahedron, scene};
 
 const SIZE: [u32; 2] = [32, 32];
 /// Frames after which noise is well below the gates.
-const FRAMES: u32 = 64;
+const FRAMES: u32 = 40;
 
 /// A closed room that emits 1 - albedo and reflects albedo shines with radiance 1 everywhere.
 fn furnace(albedo: f32) -> Paint {
