@@ -257,4 +257,6 @@ pub mod surfel_switches {
     pub const BINNING: u32 = 128;
     /// What the picture at work sees is pinned.
     pub const PINNING: u32 = 256;
+    /// The picture at work is so small that coarse surfels do.
+    pub const COARSE: u32 = 512;
 }

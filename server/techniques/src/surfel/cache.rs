@@ -31,9 +31,6 @@ const RADIUS_SHARES: [f32; 2] = [1.0 / 262_144.0, 0.05];
 const DRIFT_UPDATES: u32 = 256;
 /// Directions in which the first surfels are looked for, where they are not those of gaps.
 const INITIAL_RANGE: [f32; 2] = [256.0, 1_048_576.0];
-/// Radii of surfels for pictures of less than half the full size, in radii of those for larger ones: so coarse that they do not pass
-/// for cover in a larger picture, which would keep finer ones from coming, and not so coarse that it does not show them meanwhile.
-const COARSE_RADII: f64 = 3.0;
 const SEED_SALT: u64 = 0x7375_7266_656c_0001;
 
 /// A camera that uses the cache.
@@ -395,6 +392,15 @@ impl SurfelCache {
         (self.grid.size_bytes() / 4).saturating_sub(u64::from(self.grid_shape.slots) + 1) / 2
     }
 
+    /// Uniforms of a pass over a picture, which is content with coarse surfels or not.
+    pub(crate) fn uniforms_for_picture(&self, is_coarse: bool) -> SurfelUniforms {
+        let mut uniforms = self.uniforms(0);
+        if is_coarse {
+            uniforms.switches |= surfel_switches::COARSE;
+        }
+        uniforms
+    }
+
     /// Uniforms of a dispatch; callers fill in what it works on.
     pub(crate) fn uniforms(&self, ray_budget: u32) -> SurfelUniforms {
         let mut cameras = [[0.0; 4]; MAX_CAMERAS];
@@ -468,12 +474,8 @@ fn capacity_for(gpu: &Gpu, wanted: u32, pixel_count: u32) -> u32 {
     pixel_count.next_power_of_two().clamp(least, affordable)
 }
 
-/// What a picture asks of the cache: the camera's place in scene space, and the size of a pixel at distance 1 that radii are meant for.
-/// That is a pixel of the full size, so that a gesture's pictures leave surfels fit for the still after it; but a much smaller picture
-/// could neither cover itself with so many nor give each of them rays. It asks for coarser ones, which the still refines.
+/// Size of a pixel at distance 1, and the camera's place in scene space.
 pub(crate) fn cache_camera(view: &crate::FrameView, origin: DVec3, full_size: [u32; 2]) -> CacheCamera {
-    let rows = view.size[1].max(1);
-    let coarseness = if rows.saturating_mul(2) < full_size[1] { COARSE_RADII } else { 1.0 };
-    let pixel_size = coarseness * 2.0 * (view.camera.vfov * 0.5).tan() / f64::from(full_size[1].max(1));
+    let pixel_size = 2.0 * (view.camera.vfov * 0.5).tan() / f64::from(full_size[1].max(1));
     CacheCamera { position: (view.camera.position - origin).as_vec3().to_array(), pixel_size: pixel_size as f32 }
 }

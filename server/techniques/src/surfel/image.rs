@@ -6,7 +6,7 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::FrameUniforms;
+use surfelcast_shaders::records::{FrameUniforms, SurfelUniforms};
 use surfelcast_shaders::{Feature, Features};
 
 use crate::passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
@@ -87,6 +87,7 @@ impl ImageReconstruction {
         graph: &mut Graph,
         work: &Work<'_>,
         cache: &SurfelCache,
+        uniforms: &SurfelUniforms,
         frame: &FrameUniforms,
         seen: [&Buffer; 2],
     ) -> Result<(), TechniqueError> {
@@ -98,7 +99,7 @@ impl ImageReconstruction {
         let [visible, points] = seen;
         cache
             .bind(work.lights.bind(work.scene.bind(graph.pass(work.kernels.get("image_gather")?))))
-            .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
+            .uniform("cache", bytemuck::bytes_of(uniforms))
             .uniform("frame", bytemuck::bytes_of(&frame))
             .read("visible", visible)
             .read("visible_points", points)

@@ -165,6 +165,13 @@ impl SurfelPicture {
         self.options.size[0] * self.options.size[1]
     }
 
+    /// Surfels are as dense as the full picture needs them, so that those of a gesture fit the still after it. A much smaller
+    /// picture could neither cover itself with so many nor light them: where there are none it asks for coarser ones, which a larger one
+    /// refines.
+    fn is_small(&self) -> bool {
+        self.options.size[1].saturating_mul(2) < self.options.full_size[1]
+    }
+
     fn ray_budget(&self, newborn: u32) -> u32 {
         // Pictures of a gesture are small so that they come soon; their rays are fewer likewise.
         let [width, height] = self.options.size;
@@ -191,6 +198,7 @@ impl SurfelPicture {
                 points: &self.points,
                 size: self.options.size,
                 pins: self.options.surfel.pins,
+                is_small: self.is_small(),
             };
             let gain = cache.spawn(work, &asking, step)?;
             self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };
@@ -257,10 +265,10 @@ impl SurfelPicture {
         let mut frame = *frame;
         (frame.first_pixel, frame.pixel_count) = (first, range);
         frame.selector = self.light.selector(self.pixel_samples);
-        let uniforms = cache.uniforms(0);
+        let uniforms = cache.uniforms_for_picture(self.is_small());
         let mut graph = work.gpu.graph("surfel_shade");
         if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
-            splat.record(&mut graph, cache, bytemuck::bytes_of(&frame), &self.points)?;
+            splat.record(&mut graph, cache, &uniforms, bytemuck::bytes_of(&frame), &self.points)?;
         }
         graph.clear(&self.counters)?;
         let mut pass = cache
@@ -280,7 +288,7 @@ impl SurfelPicture {
         }
         pass.dispatch(workgroups_of(range))?;
         if let Some(image) = &self.image {
-            image.record_gather(&mut graph, work, cache, &frame, [&self.visible, &self.points])?;
+            image.record_gather(&mut graph, work, cache, &uniforms, &frame, [&self.visible, &self.points])?;
         }
         if first + range == self.pixel_count() {
             let is_last = self.samples_left == 0;

@@ -2,7 +2,7 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime, Target};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::VisiblePoint;
+use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
 
 use crate::passes::frame::FrameView;
@@ -41,6 +41,7 @@ impl Splat {
         &self,
         graph: &mut Graph,
         cache: &SurfelCache,
+        uniforms: &SurfelUniforms,
         frame: &[u8],
         points: &Buffer,
     ) -> Result<(), GpuError> {
@@ -48,7 +49,7 @@ impl Splat {
         // 2^22 surfels, the most that fit, have 36 * 2^22 corners: no overflow.
         cache
             .bind(graph.pass(&self.kernel))
-            .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
+            .uniform("cache", bytemuck::bytes_of(uniforms))
             .uniform("frame", frame)
             .read("visible_points", points)
             .read("surfel_lists", &cache.lists)
@@ -99,7 +100,7 @@ impl SurfelCache {
             .read_write("visible_points", &points)
             .dispatch(workgroups_of(pixel_count))?;
         if let Some(splat) = &splat {
-            splat.record(&mut graph, self, frame, &points)?;
+            splat.record(&mut graph, self, &uniforms, frame, &points)?;
         }
         let kernel = gpu.kernel("surfel_apply", features)?;
         let mut pass = self.bind(graph.pass(&kernel)).uniform("frame", frame).read("visible_points", &points);

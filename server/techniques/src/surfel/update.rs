@@ -52,6 +52,8 @@ pub(crate) struct Asking<'a> {
     pub(crate) size: [u32; 2],
     /// What it sees is kept.
     pub(crate) pins: bool,
+    /// It is content with coarse surfels.
+    pub(crate) is_small: bool,
 }
 
 /// New surfels of a round.
@@ -130,7 +132,7 @@ impl SurfelCache {
         step: &mut Step,
     ) -> Result<Accepted, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
-        let mut uniforms = self.uniforms(0);
+        let mut uniforms = self.uniforms_for_picture(asking.is_small);
         (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
         uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
         uniforms.first_item = round;
@@ -205,7 +207,7 @@ impl SurfelCache {
             .dispatch(workgroups_of(count))?;
         let probes = graph.read_back(&self.counters, 0..counters::BYTES)?;
         // Ray hits put candidates up once. Those of tiles tell the next round where to look.
-        self.record_no_hits(&mut graph)?;
+        self.withdraw_hits(&mut graph)?;
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
         count_rays(step, &report.take(probes)?);
@@ -219,8 +221,8 @@ impl SurfelCache {
         Ok(Accepted { all, of_picture: all.saturating_sub(of_hits) })
     }
 
-    /// Takes back candidates that ray hits put up.
-    fn record_no_hits(&self, graph: &mut Graph) -> Result<(), TechniqueError> {
+    /// Withdraws candidates that ray hits put up.
+    fn withdraw_hits(&self, graph: &mut Graph) -> Result<(), TechniqueError> {
         let bytes = u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64;
         Ok(graph.clear_first(&self.candidates, bytes)?)
     }
@@ -452,11 +454,11 @@ impl SurfelCache {
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let is_last = next + range == count;
         let mut live = None;
-        if is_last && count < self.live / SURFELS_PER_RAY {
-            // What the last few rays of a cache that has all but settled come upon would ask for rays of its own, and so on.
-            self.record_no_hits(&mut graph)?;
-        }
         if is_last {
+            if has_few_rays(count, self.live) {
+                // What the last rays of a cache that has all but settled come upon would ask for rays of its own, and so on.
+                self.withdraw_hits(&mut graph)?;
+            }
             live = Some(self.record_integration(&mut graph, kernels, &uniforms, count)?);
         }
         let mut report = graph.submit()?.wait()?;
@@ -533,7 +535,11 @@ impl SurfelCache {
 
 /// Whether an update of so many rays is made now, after so many that waited: it goes through all surfels, however few have rays.
 fn is_worth_its_passes(rays: u32, live: u32, waited: u32) -> bool {
-    rays > 0 && (rays >= live / SURFELS_PER_RAY || waited >= MOST_WAITED)
+    rays > 0 && (!has_few_rays(rays, live) || waited >= MOST_WAITED)
+}
+
+fn has_few_rays(rays: u32, live: u32) -> bool {
+    rays < live / SURFELS_PER_RAY
 }
 
 /// A thread that takes the next ray when one has ended keeps its neighbours company; a GPU has to have enough threads first.

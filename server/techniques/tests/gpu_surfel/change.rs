@@ -77,7 +77,7 @@ fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
 
 /// What a person sees first on a slow device: few pixels, which surfels made for a larger picture would leave to noisy paths.
 #[test]
-fn a_small_first_picture_has_rays_for_all_its_surfels() {
+fn a_small_first_picture_is_lit_by_its_surfels() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let at = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
@@ -98,6 +98,31 @@ fn a_small_first_picture_has_rays_for_all_its_surfels() {
     });
     println!("first picture: {own:.4} as large as wanted, {eighth:.4} at an eighth");
     assert!(eighth < 1.5 * own);
+}
+
+/// A gesture over ground that a still has lit: its small pictures find the still's surfels and need no coarser ones.
+#[test]
+fn a_small_picture_finds_the_fine_surfels_of_a_large_one() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let at = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let full_size = [192, 144];
+    // Small enough that coarser ones are allowed. Without feedback rays ask for none where they hit: all that come are the pictures.
+    let settings = SurfelSettings { radius_pixels: 1.5, feeds_back: false, ..SurfelSettings::BALANCED };
+    let mut rig = Rig::new(&gpu, &scene, settings, full_size);
+    let mut large = rig.picture();
+    rig.frames(large.as_mut(), at, 16);
+    let [before, _] = large.surfels().unwrap();
+    // A gesture's picture takes the place of the still's.
+    drop(large);
+    rig.size = [48, 36];
+    let mut small = rig.picture();
+    let rays = rig.frames(small.as_mut(), at, 1);
+    let [after, _] = small.surfels().unwrap();
+    let pixels = 48 * 36;
+    println!("{before} surfels before, {after} after; {rays} rays for {pixels} pixels");
+    assert!(after < before + before / 50, "{before} surfels before, {after} after");
+    assert!(rays < pixels / 4, "{rays} rays that surfels should have spared");
 }
 
 #[test]
