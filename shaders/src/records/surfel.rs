@@ -207,7 +207,6 @@ crate::gpu_structs! {
         pub guided_share: f32,
         /// `surfel_switches`.
         pub switches: u32,
-        /// Unused.
         /// Entries that the grid has room for.
         pub grid_room: u32,
         /// Share of the capacity in use.

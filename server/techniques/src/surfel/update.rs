@@ -459,7 +459,7 @@ impl SurfelCache {
                 // What the last rays of a cache that has all but settled come upon would ask for rays of its own, and so on.
                 self.withdraw_hits(&mut graph)?;
             }
-            live = Some(self.record_integration(&mut graph, kernels, &uniforms, count)?);
+            live = Some(self.record_integration(&mut graph, kernels, &uniforms)?);
         }
         let mut report = graph.submit()?.wait()?;
         merge_passes(&mut step.passes, std::mem::take(&mut report.passes));
@@ -478,13 +478,11 @@ impl SurfelCache {
         Ok(range)
     }
 
-    /// Means, what gathers read, and who goes, after an update of so many rays.
     fn record_integration(
         &self,
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
-        rays: u32,
     ) -> Result<Ticket, TechniqueError> {
         let bytes = bytemuck::bytes_of(uniforms);
         let groups = workgroups_of(self.live);
@@ -509,10 +507,9 @@ impl SurfelCache {
                 .read_write("outputs", &self.outputs)
                 .dispatch(groups)?;
         }
-        let of_update = SurfelUniforms { item_count: rays, ..*uniforms };
         graph
             .pass(kernels.get("surfel_recycle")?)
-            .uniform("cache", bytemuck::bytes_of(&of_update))
+            .uniform("cache", bytes)
             .read("surfels", &self.records)
             .read("surfel_lists", &self.lists)
             .read("slot_seen", &self.slot_seen)
