@@ -103,7 +103,7 @@ pub(crate) struct ErrorArgs {
     /// Seed of the first draw; those after it follow.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 31))]
     seed: u64,
-    /// Picture size; the reference's by default, 96x72 for reconstructions. Another one needs a truth of its own.
+    /// Picture size; the reference's by default, 192x144 for reconstructions. Another one needs a truth of its own.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Materials.
@@ -142,9 +142,10 @@ impl Study {
         }
     }
 
-    /// Size of pictures that have no reference to be as large as: a truth of many samples is affordable.
+    /// Size of pictures that have no reference to be as large as: a truth of many samples is affordable, and a first frame
+    /// has few rays a pixel, since surfels are a few pixels large.
     fn size(self) -> Option<[u32; 2]> {
-        (self == Self::Reconstructions).then_some([96, 72])
+        (self == Self::Reconstructions).then_some([192, 144])
     }
 
     /// What is compared, in the order of the table.
