@@ -14,6 +14,8 @@ ARGS ?=
 CARGO ?= cargo
 SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
 DOCS_SPP ?= 512
+# What reconstructions look like while surfels have few rays.
+DOCS_EARLY = $(SURFELCAST) render demo:interior --technique surfel --size 480x270 --spp 4
 # Where benchmarks leave CSV, JSON and plots, and go on from after an interrupt; remove it to measure anew.
 BENCH_OUT ?= target/bench
 # Plots that BENCHMARKS.md shows.
@@ -123,6 +125,8 @@ docs-images: deps-tests build ## Screenshots of the page and renders of the demo
 	$(SURFELCAST) render demo:interior --camera kitchen --size 960x540 --spp $(DOCS_SPP) --output docs/kitchen.jpg
 	$(SURFELCAST) render demo:interior --camera "still life" --size 960x540 --spp $(DOCS_SPP) --output docs/still-life.jpg
 	$(SURFELCAST) render demo:cornell_box --size 512x512 --spp $(DOCS_SPP) --output docs/cornell-box.jpg
+	for name in none regression poisson image; do $(DOCS_EARLY) --reconstruction $$name --output docs/reconstruction-$$name.jpg || exit 1; done
+	$(DOCS_EARLY) --reconstruction image --surfel image=4 --output docs/reconstruction-published.jpg
 
 .PHONY: deny
 deny: ## Licences, bans, sources and advisories of all dependencies (needs cargo-deny)
