@@ -5,7 +5,7 @@
 #![allow(clippy::print_stdout, reason = "a test says what it measured, and why it skipped")]
 
 use anyhow::{Context as _, Result, ensure};
-use surfelcast_tests::accuracy::{Mode, Point, Reference, Renderer, shared_folder};
+use surfelcast_tests::accuracy::{Mode, Picture, Point, Reference, Renderer, shared_folder};
 
 /// Squared error over what noise explains. Chance alone stays well below this with ten thousand pixels.
 const RATIO_LIMIT: f64 = 1.15;
@@ -116,7 +116,8 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
-/// The cache's picture after 16 frames: within the error already that the gates allow a converged one.
+/// The cache's picture after 16 frames: within the error already that the gates allow a converged one. One seed says it: its
+/// noise is a part of what the gate allows.
 #[test]
 fn the_surfel_cache_matches_its_references() -> Result<()> {
     const LIMITS: [(&str, f64); 6] = [
@@ -135,18 +136,16 @@ fn the_surfel_cache_matches_its_references() -> Result<()> {
     let mut faults = Vec::new();
     for reference in Reference::read_all(&shared)? {
         let Some((_, limit)) = LIMITS.iter().find(|(name, _)| *name == reference.name) else { continue };
-        let point = renderer.measure(&reference, 16)?;
-        println!(
-            "{}: RMSE {:.5}, bias {:+.2} %, audit {:.5}, {} surfels, {:.1} s",
-            reference.name,
-            point.rmse,
-            100.0 * point.bias,
-            point.audited_rmse,
-            point.surfels,
-            point.render_secs
-        );
-        if !(point.rmse_to_truth(reference.noise_rmse) <= *limit) || point.non_finite > 0 {
-            faults.push(format!("{}: RMSE {:.4}, {} not finite", reference.name, point.rmse, point.non_finite));
+        let (picture, _) = renderer.picture(&reference, 16, 1)?;
+        let non_finite = picture.non_finite_count();
+        let [picture, truth] = [picture, Picture::read_exr(&reference.image)?].map(|p| p.without(&reference.masked));
+        let mse = picture.tone_mapped_mse(&truth, reference.exposure);
+        let rmse = (mse - reference.noise_rmse.powi(2)).max(0.0).sqrt();
+        let bias = picture.mean() / truth.mean().max(1e-30) - 1.0;
+        println!("{}: RMSE {rmse:.5}, bias {:+.2} %", reference.name, 100.0 * bias);
+        // Not a number is no success either.
+        if !(rmse <= *limit) || non_finite > 0 {
+            faults.push(format!("{}: RMSE {rmse:.4}, {non_finite} not finite", reference.name));
         }
     }
     ensure!(faults.is_empty(), "{}", faults.join("\n"));

@@ -95,9 +95,9 @@ pub(crate) struct RenderArgs {
     /// Technique.
     #[arg(long, default_value = surfelcast_techniques::registry::DEFAULT_OF_JOBS, value_parser = technique_ids())]
     pub(crate) technique: String,
-    /// Settings of the surfel cache.
-    #[arg(long, default_value = "balanced", value_parser = preset_names())]
-    pub(crate) preset: String,
+    /// Settings of the surfel cache; balanced by default.
+    #[arg(long, value_parser = preset_names())]
+    pub(crate) preset: Option<String>,
     /// How light is made of what surfels measured; the preset's by default.
     #[arg(long, value_parser = reconstruction_names())]
     pub(crate) reconstruction: Option<String>,

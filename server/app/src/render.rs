@@ -35,7 +35,7 @@ enum Format {
 
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let format = format_of(&args.output)?;
-    check_reconstruction(args)?;
+    check_surfel_options(args)?;
     let progress = Progress::new();
     progress.say("reading");
     let scene = Arc::new(scene_file::load(&args.scene, args.view.as_ref(), args.environment.as_ref())?);
@@ -135,19 +135,26 @@ async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) 
     }
 }
 
-/// Only what is made of surfels can be reconstructed from them.
-fn check_reconstruction(args: &RenderArgs) -> Result<(), Failure> {
-    let has_surfels = registry::by_id(&args.technique).is_some_and(|entry| entry.uses_surfels);
-    match args.reconstruction.as_deref() {
-        Some(name) if name != "none" && !has_surfels => {
-            Err(Failure::input(format!("--reconstruction {name}: technique {} has none", args.technique)))
-        }
-        _ => Ok(()),
+/// What only techniques with surfels heed is refused for the others: a picture that ignores it would mislead.
+fn check_surfel_options(args: &RenderArgs) -> Result<(), Failure> {
+    if registry::by_id(&args.technique).is_some_and(|entry| entry.uses_surfels) {
+        return Ok(());
     }
+    let option = match (&args.reconstruction, &args.preset, args.knobs.first()) {
+        (Some(name), ..) if name != "none" => format!("--reconstruction {name}"),
+        (_, Some(name), _) => format!("--preset {name}"),
+        (.., Some(knob)) => format!("--surfel {knob}"),
+        _ if args.export_surfels.is_some() => "--export-surfels".to_owned(),
+        _ => return Ok(()),
+    };
+    Err(Failure::input(format!(
+        "{option}: technique {} has no surfels; ask for one with --technique surfel",
+        args.technique
+    )))
 }
 
 fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure: f32) -> RenderJob {
-    let mut surfel = SurfelSettings::by_name(&args.preset).unwrap_or_default();
+    let mut surfel = args.preset.as_deref().and_then(SurfelSettings::by_name).unwrap_or_default();
     if let Some(name) = &args.reconstruction {
         surfel.reconstruction = Reconstruction::by_name(name).unwrap_or_default();
     }

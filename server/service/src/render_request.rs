@@ -53,7 +53,8 @@ pub(crate) struct RenderSpec {
     height: Option<u32>,
     technique: Option<String>,
     surfel: SurfelSettings,
-    reconstruction: Option<String>,
+    /// A field that only techniques with surfels heed.
+    needs_surfels: Option<&'static str>,
     stop: StopRules,
     seed: u64,
     materials: MaterialMode,
@@ -90,7 +91,7 @@ impl RenderSpec {
                 fields.string("reconstruction")?.as_deref(),
                 fields.get("surfel"),
             )?,
-            reconstruction: fields.string("reconstruction")?,
+            needs_surfels: field_for_surfels(&fields)?,
             stop: parse_stop(&fields, bounds)?,
             seed: fields.integer("seed", 0, u64::MAX)?.unwrap_or(0),
             materials: match fields.string("materials")?.as_deref() {
@@ -157,9 +158,10 @@ impl RenderSpec {
             let ids: Vec<&str> = status.techniques.iter().map(|technique| technique.id).collect();
             return Err(ApiError::unprocessable(format!("technique: must be one of {}", ids.join(", "))));
         };
-        if self.reconstruction.as_deref().is_some_and(|name| name != "none") && !known.uses_surfels {
-            let detail = format!("reconstruction: technique {technique} has none; leave the field out");
-            return Err(ApiError::unprocessable(detail));
+        if let Some(field) = self.needs_surfels.filter(|_| !known.uses_surfels) {
+            return Err(ApiError::unprocessable(format!(
+                "{field}: technique {technique} has no surfels; leave the field out, or ask for one that has"
+            )));
         }
         let exposure = self.exposure.unwrap_or_else(|| named.map_or(1.0, |named| scene.exposure_for(&named.name)));
         let job = RenderJob {
@@ -293,6 +295,15 @@ impl<'a> Fields<'a> {
         let is_whole = value.as_array().is_some_and(|items| items.len() == 3);
         array.filter(|_| is_whole).map(Some).ok_or_else(|| self.wrong(name, "three numbers"))
     }
+}
+
+/// Finds a field that means something to techniques with surfels only.
+fn field_for_surfels(fields: &Fields<'_>) -> Result<Option<&'static str>, ApiError> {
+    let is_given = |name| fields.get(name).is_some_and(|value| value.as_object().is_none_or(|knobs| !knobs.is_empty()));
+    Ok(match fields.string("reconstruction")?.as_deref() {
+        Some(name) if name != "none" => Some("reconstruction"),
+        _ => ["preset", "surfel"].into_iter().find(|name| is_given(name)),
+    })
 }
 
 #[cfg(test)]

@@ -106,7 +106,7 @@ impl Fake {
         let (handle, commands, status) = RendererHandle::channel();
         let path =
             TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased.", uses_surfels: false };
-        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another.", uses_surfels: false };
+        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another.", uses_surfels: true };
         status.send_replace(RendererStatus {
             state: DeviceState::Ready,
             device: DeviceInfo { name: "fake".into(), ..DeviceInfo::default() },

@@ -85,6 +85,9 @@ async fn equal_requests_give_equal_bytes_and_one_render() {
     ] {
         let headers = [("accept", "image/png"), ("prefer", "wait=10")];
         let mut more = json!({"seed": 7});
+        if field == "preset" || field == "surfel" {
+            more["technique"] = json!("other");
+        }
         more[field] = value;
         let other = render(&service, &headers, more).await;
         assert_eq!(other.status, StatusCode::OK, "{other:?}");
@@ -165,6 +168,8 @@ async fn bad_requests_name_the_field() {
         (json!({"technique": "warp"}), 422, "technique"),
         (json!({"reconstruction": "poisson"}), 422, "reconstruction"),
         (json!({"preset": "ultra"}), 422, "preset"),
+        (json!({"preset": "high"}), 422, "preset: technique path has no surfels"),
+        (json!({"surfel": {"radius": 4}}), 422, "surfel: technique path has no surfels"),
         (json!({"surfel": {"radius": 1000}}), 422, "surfel.radius: must be within 1.5 to 32"),
         (json!({"surfel": {"size": 1}}), 422, "surfel.size: no such knob"),
         (json!({"surfel": {"rays": true}}), 400, "surfel.rays"),
@@ -191,9 +196,9 @@ async fn surfel_settings_and_outputs_reach_the_renderer() {
     let high = SurfelSettings { radius_pixels: 4.0, rays_per_pixel: 1.5, ..SurfelSettings::HIGH };
     for (more, aov, surfel) in [
         (json!({}), None, SurfelSettings::default()),
-        (json!({"preset": "preview"}), None, SurfelSettings::PREVIEW),
+        (json!({"technique": "other", "preset": "preview"}), None, SurfelSettings::PREVIEW),
         (json!({"preset": null, "surfel": null, "seed": 1}), None, SurfelSettings::default()),
-        (json!({"preset": "high", "surfel": {"radius": 4, "rays": 1.5}}), None, high),
+        (json!({"technique": "other", "preset": "high", "surfel": {"radius": 4, "rays": 1.5}}), None, high),
         (json!({"aov": "surfel_rays"}), Aov::by_name("surfel_rays"), SurfelSettings::default()),
     ] {
         let answer = render(&service, &[("prefer", "wait=10"), ("accept", "application/json")], more.clone()).await;
