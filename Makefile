@@ -74,8 +74,9 @@ bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the
 bench-all: bench bench-accuracy bench-surfels bench-locality bench-apply bench-error bench-presets bench-densities bench-settling bench-reconstructions bench-image bench-peers bench-scale bench-poisson ## Every table and plot of BENCHMARKS.md, one after the other; takes hours
 
 .PHONY: bench-error
-bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; plots in target/bench
+bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; more plots in target/bench
 	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/error-*-seconds.svg $(BENCH_OUT)/error-pareto.svg $(BENCH_FIGURES)
 
 .PHONY: bench-presets
 bench-presets: build ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md

@@ -80,9 +80,28 @@ pub(super) fn settling(curves: &[Curve]) -> String {
     text
 }
 
-/// The solve over each of the others at equal rays, differences' rays counted.
+/// The solve over each of the others at equal rays, differences' rays counted. Numbers of rays that no picture says anything
+/// about are left out: a first frame may have more, and the last fewer.
 pub(super) fn reconstructions(curves: &[Curve]) -> String {
-    let heads: Vec<_> = RAYS_PER_PIXEL.iter().map(|rays| format!("{rays} rays a pixel")).collect();
+    let mut rows: Vec<(String, Vec<Option<f64>>)> = Vec::new();
+    for (case, of_case) in by_case(curves) {
+        let named = |name: &str| surfels(&of_case, |curve| curve.key.variant.reconstruction.as_deref() == Some(name));
+        let Some(poisson) = named("poisson") else { continue };
+        let pixels = f64::from(poisson.key.size[0]) * f64::from(poisson.key.size[1]);
+        let others = ["none", "regression", "image"].map(|name| (name, named(name)));
+        let others = others.into_iter().chain([("path", paths(&of_case))]);
+        for (row, (name, other)) in others.filter_map(|(name, other)| Some((name, other?))).enumerate() {
+            let ratio = |rays: &f64| {
+                let [ours, theirs] = [poisson, other].map(|curve| curve.error_at(Point::rays, rays * pixels));
+                Some(ours? / theirs?)
+            };
+            let picture = if row == 0 { case } else { "" };
+            rows.push((format!("| {picture} | {name}"), RAYS_PER_PIXEL.iter().map(ratio).collect()));
+        }
+    }
+    let columns: Vec<usize> =
+        (0..RAYS_PER_PIXEL.len()).filter(|&column| rows.iter().any(|(_, ratios)| ratios[column].is_some())).collect();
+    let heads: Vec<_> = columns.iter().map(|&column| format!("{} rays a pixel", RAYS_PER_PIXEL[column])).collect();
     let mut text = conditions(curves);
     let _ = writeln!(
         text,
@@ -90,26 +109,10 @@ pub(super) fn reconstructions(curves: &[Curve]) -> String {
         heads.join(" | "),
         "---|".repeat(heads.len())
     );
-    for (case, of_case) in by_case(curves) {
-        let named = |name: &str| surfels(&of_case, |curve| curve.key.variant.reconstruction.as_deref() == Some(name));
-        let Some(poisson) = named("poisson") else { continue };
-        let pixels = f64::from(poisson.key.size[0]) * f64::from(poisson.key.size[1]);
-        let others = ["none", "regression", "image"].map(|name| (name, named(name)));
-        let others = others.into_iter().chain([("path", paths(&of_case))]);
-        for (row, (name, other)) in others.enumerate() {
-            let Some(other) = other else { continue };
-            let cells: Vec<_> = RAYS_PER_PIXEL
-                .iter()
-                .map(|rays| {
-                    let [ours, theirs] = [poisson, other].map(|curve| curve.error_at(Point::rays, rays * pixels));
-                    match (ours, theirs) {
-                        (Some(ours), Some(theirs)) => format!("{:.2}", ours / theirs),
-                        _ => "-".to_owned(),
-                    }
-                })
-                .collect();
-            let _ = writeln!(text, "| {} | {name} | {} |", if row == 0 { case } else { "" }, cells.join(" | "));
-        }
+    for (head, ratios) in &rows {
+        let cell = |&column: &usize| ratios[column].map_or_else(|| "-".to_owned(), |ratio| format!("{ratio:.2}"));
+        let cells: Vec<_> = columns.iter().map(cell).collect();
+        let _ = writeln!(text, "{head} | {} |", cells.join(" | "));
     }
     text
 }
@@ -152,5 +155,9 @@ mod tests {
         let text = reconstructions(&curves);
         assert!(text.contains("| a_main_lambert | none | "), "{text}");
         assert!(text.contains("0.50"), "{text}");
+        // A column that says nothing is not there.
+        let columns = |line: &str| line.matches('|').count();
+        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
+        assert!(columns(lines[0]) < 3 + RAYS_PER_PIXEL.len() && lines.iter().all(|l| columns(l) == columns(lines[0])));
     }
 }
