@@ -33,11 +33,11 @@ pub(crate) const EDGE_SLOTS: u64 = 8;
 const SHIFT_BYTES: u64 = 16;
 /// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
 const NEAR_RINGS: u32 = 2;
-const WIDE_RINGS: u32 = 10;
+const WIDE_RINGS: u32 = 6;
 /// Regressions one after the other: the second makes its values of the first one's, and so reaches about twenty neighbours.
 const REGRESSIONS: usize = 2;
 /// Steps of the solve in one update; it goes on from the last update's solution.
-const ITERATIONS: u32 = 8;
+const ITERATIONS: u32 = 4;
 /// Invocations of a workgroup that sums, workgroups at most, and regions of their sums.
 const SUM_LANES: u32 = 256;
 const SUM_GROUPS: u32 = 256;
