@@ -172,6 +172,12 @@ impl Renderer {
     }
 }
 
+/// Tone-mapped RMSE of a picture: what the reference masks is left out, and the truth's mean square noise taken out.
+pub fn error_to_truth(reference: &Reference, picture: &Picture, truth: &Picture, noise_mse: f64) -> f64 {
+    let [picture, truth] = [picture, truth].map(|picture| picture.without(&reference.masked));
+    (picture.tone_mapped_mse(&truth, reference.exposure) - noise_mse).max(0.0).sqrt()
+}
+
 fn rays_of(stats: &Value) -> f64 {
     ["primary", "secondary", "shadow"].iter().filter_map(|kind| stats["rays"][kind].as_f64()).sum()
 }

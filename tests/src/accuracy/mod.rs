@@ -9,7 +9,7 @@ mod table;
 
 use std::path::{Path, PathBuf};
 
-pub use measure::{Measurement, Point, Renderer};
+pub use measure::{Measurement, Point, Renderer, error_to_truth};
 pub use surfelcast_measure::{Expected, Mode, Picture, Rectangle, Reference, replace_between_markers};
 pub use table::markdown;
 

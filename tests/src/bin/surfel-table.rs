@@ -10,7 +10,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use surfelcast_tests::accuracy::{
-    Mode, Picture, Point, Rectangle, Reference, Renderer, replace_between_markers, shared_folder,
+    Mode, Picture, Point, Rectangle, Reference, Renderer, error_to_truth, replace_between_markers, shared_folder,
 };
 
 /// References of the gates, each with the tone-mapped RMSE it may have once converged.
@@ -101,10 +101,7 @@ fn against_path_indirect(reference: &Reference) -> Result<Compared> {
     } else {
         (Picture::read_exr(&reference.image)?, reference.noise_rmse.powi(2))
     };
-    let truth = truth.without(&reference.masked);
-    let error = |picture: Picture| {
-        (picture.without(&reference.masked).tone_mapped_mse(&truth, reference.exposure) - noise).max(0.0).sqrt()
-    };
+    let error = |picture: Picture| error_to_truth(reference, &picture, &truth, noise);
     let (ours, rays) = surfel(words)?.picture(reference, FRAMES[0], 1)?;
     let (_, rays_each) = path.picture(reference, 1, 1)?;
     let samples = (rays / rays_each).round().max(1.0) as u32;

@@ -1,7 +1,7 @@
 //! What the solve over the surfels promises.
 
+use surfelcast_techniques::SurfelSettings;
 use surfelcast_techniques::surfel::Reconstruction;
-use surfelcast_techniques::{FrameView, StepBudget, SurfelSettings};
 
 use crate::rig::{Rig, camera, gpu, mean, tone_mapped_rmse};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -105,18 +105,13 @@ fn reconstruction_keeps_the_energy() {
 fn differences_that_say_nothing_new_are_hardly_measured() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
-    let view = FrameView { camera: camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), size: SIZE, exposure: 1.0 };
+    let at = camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]);
     let [without, with] = [Reconstruction::Regression, Reconstruction::Poisson].map(|reconstruction| {
         let rig = Rig::new(&gpu, &scene, settings(reconstruction), SIZE);
         let mut picture = rig.picture();
         // Young surfels measure them, to learn whether they pay.
-        rig.frames(picture.as_mut(), view.camera, 8);
-        let budget = StepBudget { max_paths: u64::MAX, until_samples: 32, max_batch: 64 };
-        let mut rays = 0;
-        while picture.samples() < budget.until_samples {
-            rays += picture.step(&gpu, &rig.buffers, &rig.lights, &view, budget).unwrap().rays[2];
-        }
-        rays
+        rig.frames(picture.as_mut(), at, 8);
+        rig.rays(picture.as_mut(), at, 32, u64::MAX)[2]
     });
     println!("shadow rays: {without} without, {with} with");
     assert!((with as f64) < 1.08 * without as f64, "{without} {with}");

@@ -64,20 +64,25 @@ impl<'a> Rig<'a> {
         (entry.create)(self.gpu, &self.buffers, &self.lights, &self.session, options).unwrap()
     }
 
-    /// Renders until a picture has so many frames; returns rays other than camera rays.
+    /// Renders until a picture has so many frames; returns further rays of paths, those for shadows not counted.
     pub(crate) fn frames(&self, picture: &mut dyn Technique, camera: Camera, frames: u32) -> u64 {
         self.frames_in_pieces(picture, camera, frames, u64::MAX)
     }
 
     /// The same in submissions of so many paths.
     pub(crate) fn frames_in_pieces(&self, picture: &mut dyn Technique, camera: Camera, frames: u32, paths: u64) -> u64 {
+        self.rays(picture, camera, frames, paths)[1]
+    }
+
+    /// The same; returns camera rays, further rays and shadow rays.
+    pub(crate) fn rays(&self, picture: &mut dyn Technique, camera: Camera, frames: u32, paths: u64) -> [u64; 3] {
         let view = FrameView { camera, size: self.size, exposure: 1.0 };
-        let mut rays = 0;
+        let mut rays = [0; 3];
         while picture.samples() < frames {
             let budget = StepBudget { max_paths: paths, until_samples: frames, max_batch: 64 };
             let step = picture.step(self.gpu, &self.buffers, &self.lights, &view, budget).unwrap();
             assert_eq!(step.non_finite, 0);
-            rays += step.rays[1];
+            rays = std::array::from_fn(|kind| rays[kind] + step.rays[kind]);
         }
         rays
     }
