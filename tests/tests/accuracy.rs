@@ -101,19 +101,19 @@ fn furnaces_are_white() -> Result<()> {
 
 #[test]
 fn lambert_scenes_match_their_references() -> Result<()> {
-    check(8, |reference| {
+    check(16, |reference| {
         reference.mode == Mode::Lambert && !is_furnace(reference) && !reference.name.starts_with("khr_")
     })
 }
 
 #[test]
 fn lambert_conformance_assets_match_their_references() -> Result<()> {
-    check(8, |reference| reference.mode == Mode::Lambert && reference.name.starts_with("khr_"))
+    check(16, |reference| reference.mode == Mode::Lambert && reference.name.starts_with("khr_"))
 }
 
 #[test]
 fn metallic_roughness_matches_its_references() -> Result<()> {
-    check(8, |reference| reference.mode == Mode::Pbr)
+    check(16, |reference| reference.mode == Mode::Pbr)
 }
 
 /// The cache's picture after 16 frames: within the error already that the gates allow a converged one. One seed says it: its
@@ -151,5 +151,5 @@ fn the_surfel_cache_matches_its_references() -> Result<()> {
 
 #[test]
 fn demodulated_indirect_light_matches_its_references() -> Result<()> {
-    check(8, |reference| reference.mode == Mode::Indirect)
+    check(16, |reference| reference.mode == Mode::Indirect)
 }
