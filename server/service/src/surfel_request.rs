@@ -61,7 +61,9 @@ pub(crate) fn preset_schema() -> Object {
         .schema_type(Type::String)
         .enum_values(Some(preset_names()))
         .default(default.map(|(name, _)| (*name).into()))
-        .description(Some("Settings of the surfel cache to start from; other techniques have none."))
+        .description(Some(
+            "Settings of the surfel cache to start from. Only with a technique that has surfels: others refuse it.",
+        ))
         .build()
 }
 
@@ -71,7 +73,7 @@ pub(crate) fn reconstruction_schema() -> Object {
         .schema_type(Type::String)
         .enum_values(Some(Reconstruction::names()))
         .default(Some(SurfelSettings::default().reconstruction.name().into()))
-        .description(Some("How light is made of what surfels measured; other techniques have none."))
+        .description(Some("How light is made of what surfels measured. Only with a technique that has surfels: others refuse all but none."))
         .build()
 }
 
@@ -86,7 +88,7 @@ impl PartialSchema for SurfelKnobs {
             .iter()
             .fold(ObjectBuilder::new().schema_type(Type::Object), with)
             .additional_properties(Some(AdditionalProperties::<Schema>::FreeForm(false)))
-            .description(Some("Knobs of the surfel cache. Those left out are as in the preset; defaults are those of the default preset."))
+            .description(Some("Knobs of the surfel cache, only with a technique that has surfels: others refuse them. Those left out are as in the preset; defaults are those of the default preset."))
             .into()
     }
 }
