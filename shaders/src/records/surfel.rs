@@ -179,7 +179,7 @@ crate::gpu_structs! {
         pub camera_count: u32,
         /// Surfels that fit.
         pub capacity: u32,
-        /// Slots that cells of cascades are hashed to, minus one.
+        /// Slots for marks that cells of cascades are hashed to, minus one.
         pub slot_mask: u32,
         /// Updates so far.
         pub update: u32,
@@ -209,8 +209,8 @@ crate::gpu_structs! {
         pub switches: u32,
         /// Entries that the grid has room for.
         pub grid_room: u32,
-        /// Share of the capacity in use.
-        pub fill: f32,
+        /// Ids below this one have been in use.
+        pub used_count: u32,
         /// Number of the next surfel born.
         pub next_serial: u32,
         /// Items of this dispatch.

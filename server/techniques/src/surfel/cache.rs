@@ -3,7 +3,6 @@
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::constants::{SURFEL_CLAIM_SLOTS, SURFEL_HIT_CANDIDATES, SURFEL_RAY_BINS, SURFEL_TILE_WORDS};
-use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{
     FirstHit, SurfelEdge, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
 };
@@ -71,7 +70,7 @@ pub struct SurfelCache {
     pub(crate) cell_size: f32,
     radii: [f32; 2],
     pub(crate) capacity: u32,
-    /// Slots of cascades, in which cameras and rays leave marks; their cells do not depend on the grid.
+    /// Slots in which cameras and rays leave marks for cells of cascades, and those of the grid at most.
     mark_slots: u32,
     pub(crate) grid_shape: GridShape,
     pub(crate) scan: Scan,
@@ -85,7 +84,7 @@ pub struct SurfelCache {
     pub(crate) tiles: Buffer,
     /// Alive, from a hit; by id.
     pub(crate) flags: Buffer,
-    /// Ids of the living, then ids of the free.
+    /// Ids of the living; from `capacity` on those of the free that have been in use.
     pub(crate) lists: Buffer,
     /// First entry by slot, then entries.
     pub(crate) grid: Buffer,
@@ -109,6 +108,8 @@ pub struct SurfelCache {
     pub(crate) no_hits: Buffer,
     /// Living surfels.
     pub(crate) live: u32,
+    /// Ids below this one have been in use; the free ones among them are the first to be used again.
+    pub(crate) used: u32,
     /// Surfels that stood before gaps were filled.
     pub(crate) seeded: u32,
     pub(crate) next_serial: u32,
@@ -182,7 +183,7 @@ impl SurfelCache {
             radii: RADIUS_SHARES.map(|share| (scene.radius * share).max(f32::MIN_POSITIVE)),
             capacity,
             mark_slots,
-            grid_shape: GridShape::cascades(mark_slots),
+            grid_shape: GridShape::cascades(0, mark_slots),
             scan: Scan::new(gpu, mark_slots + 1)?,
             records: buffer_of::<SurfelRecord>(gpu, "surfels", surfels)?,
             lights: buffer_of::<SurfelLight>(gpu, "surfel_lights", surfels)?,
@@ -208,6 +209,7 @@ impl SurfelCache {
             },
             no_hits: buffer_of::<FirstHit>(gpu, "first_hits", 1)?,
             live: 0,
+            used: 0,
             seeded: 0,
             next_serial: 1,
             newborn: 0,
@@ -246,9 +248,6 @@ impl SurfelCache {
             graph.clear(buffer)?;
         }
         graph.submit()?.wait()?;
-        // Every surfel is free, in the order of the ids.
-        let free: Vec<u32> = (0..capacity).collect();
-        gpu.upload(&cache.lists, surfels * 4, bytemuck::cast_slice(&free))?;
         Ok(cache)
     }
 
@@ -364,7 +363,7 @@ impl SurfelCache {
     /// The grid's shape as the settings and the first camera have it now.
     pub(crate) fn wanted_grid(&self) -> GridShape {
         match (self.settings.grid, self.cameras.first()) {
-            (Grid::Cascades, _) => GridShape::cascades(self.mark_slots),
+            (Grid::Cascades, _) => GridShape::cascades(self.live, self.mark_slots),
             (Grid::Trapezoidal, Some((_, camera))) => {
                 GridShape::trapezoidal(*camera, self.scene_radius, self.settings.radius_pixels)
             }
@@ -441,7 +440,7 @@ impl SurfelCache {
             guided_share: settings.guided_share,
             switches: switches.iter().filter(|(is_on, _)| *is_on).map(|(_, bit)| bit).sum(),
             grid_room: u32::try_from(self.grid_room()).unwrap_or(u32::MAX),
-            fill: self.live as f32 / self.capacity as f32,
+            used_count: self.used,
             next_serial: self.next_serial,
             item_count: 0,
             first_item: 0,

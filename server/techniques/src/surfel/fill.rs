@@ -70,6 +70,7 @@ impl SurfelCache {
         gpu.upload(&cache.tiles, 0, bytemuck::cast_slice(&tile.repeat(surfels.len())))?;
         gpu.upload(&cache.flags, 0, bytemuck::cast_slice(&vec![ALIVE; surfels.len()]))?;
         cache.next_serial = count + 1;
+        cache.used = count;
         cache.stage = UpdateStage::Idle;
         let kernels = KernelSet::new(gpu, FILING.to_vec(), Features::NONE, Features::NONE, true)?;
         cache.rebuild(&Work { gpu, kernels: &kernels, scene, lights }, count, &mut Step::default())?;

@@ -351,7 +351,7 @@ impl SurfelCache {
     pub fn measured_differences(&self, gpu: &Gpu) -> Result<Vec<MeasuredDifference>, GpuError> {
         let Some(graph) = self.graph.as_ref().filter(|graph| graph.shifted.is_some()) else { return Ok(Vec::new()) };
         let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
-        let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.capacity) * EDGE_SLOTS)?;
+        let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.used) * EDGE_SLOTS)?;
         let slots_of = |id: u32| edges.iter().skip(id as usize * EDGE_SLOTS as usize).take(EDGE_SLOTS as usize);
         let place_of = |id: u32| ids.binary_search(&id).ok().map(|place| place as u32);
         let mut found = Vec::new();

@@ -6,7 +6,10 @@ use crate::surfel::cache::CacheCamera;
 
 /// Radii of a surfel that a cell of the trapezoidal grid is wide.
 const CELL_RADII: f32 = 4.0;
-/// Cells along a side of its cube.
+/// Slots of cascades for each surfel: a few surfels share a cell and each lies in several, so that few cells share a slot.
+const SLOTS_PER_SURFEL: u32 = 8;
+const FEWEST_SLOTS: u32 = 1 << 12;
+/// Cells along a side of the trapezoidal grid's cube.
 const CELLS_RANGE: [f32; 2] = [8.0, 64.0];
 
 /// Shape of a grid.
@@ -25,8 +28,9 @@ pub(crate) struct GridShape {
 }
 
 impl GridShape {
-    /// Hashed cascades.
-    pub(crate) const fn cascades(slots: u32) -> Self {
+    /// Hashed cascades for so many surfels, with a power of two of slots, and so many at most.
+    pub(crate) fn cascades(surfels: u32, most_slots: u32) -> Self {
+        let slots = surfels.saturating_mul(SLOTS_PER_SURFEL).max(FEWEST_SLOTS).min(most_slots).next_power_of_two();
         Self { slots, cells: 0, slices: 0, center: [0.0; 3], half_edge: 0.0 }
     }
 

@@ -105,7 +105,7 @@ impl SurfelCache {
         }
         let mut encoder = ZlibEncoder::new(bytes, Compression::fast());
         for Column { content, buffer, bytes_each } in self.columns() {
-            let all: Vec<u8> = read(gpu, buffer, u64::from(self.capacity) * bytes_each as u64)?;
+            let all: Vec<u8> = read(gpu, buffer, u64::from(self.used) * bytes_each as u64)?;
             for &id in &ids {
                 let start = id as usize * bytes_each;
                 let own = all.get(start..start + bytes_each).unwrap_or_default();
@@ -159,11 +159,9 @@ impl SurfelCache {
             gpu.upload(buffer, 0, column)?;
             rest = behind;
         }
-        let ids: Vec<u32> = (0..cache.capacity).collect();
-        let (living, free) = ids.split_at(live as usize);
-        gpu.upload(&cache.lists, 0, bytemuck::cast_slice(living))?;
-        gpu.upload(&cache.lists, u64::from(cache.capacity) * 4, bytemuck::cast_slice(free))?;
-        cache.live = live;
+        let ids: Vec<u32> = (0..live).collect();
+        gpu.upload(&cache.lists, 0, bytemuck::cast_slice(&ids))?;
+        (cache.live, cache.used) = (live, live);
         cache.next_serial = header.next_serial;
         cache.update = header.update.max(1);
         cache.calm_updates = header.calm_updates;
@@ -323,8 +321,8 @@ impl SurfelCache {
     /// Every living surfel, in the order of the ids.
     pub fn export(&self, gpu: &Gpu) -> Result<Vec<ExportedSurfel>, GpuError> {
         let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
-        let records: Vec<SurfelRecord> = read(gpu, &self.records, u64::from(self.capacity))?;
-        let lights: Vec<SurfelLight> = read(gpu, &self.lights, u64::from(self.capacity))?;
+        let records: Vec<SurfelRecord> = read(gpu, &self.records, u64::from(self.used))?;
+        let lights: Vec<SurfelLight> = read(gpu, &self.lights, u64::from(self.used))?;
         let pairs = ids.iter().filter_map(|&id| Some((records.get(id as usize)?, lights.get(id as usize)?)));
         Ok(pairs.map(|(&record, &light)| ExportedSurfel { record, light }).collect())
     }

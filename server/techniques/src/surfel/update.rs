@@ -224,6 +224,7 @@ impl SurfelCache {
     /// Withdraws candidates that ray hits put up.
     fn withdraw_hits(&self, graph: &mut Graph) -> Result<(), TechniqueError> {
         let bytes = u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64;
+            self.used = self.used.max(self.live + spawned);
         Ok(graph.clear_first(&self.candidates, bytes)?)
     }
 
@@ -307,8 +308,9 @@ impl SurfelCache {
     ) -> Result<Ticket, TechniqueError> {
         let mut uniforms = self.uniforms(0);
         uniforms.item_count = most_cells;
-        graph.clear(&self.grid)?;
-        graph.clear(&self.slot_cursors)?;
+        let slot_bytes = u64::from(self.grid_shape.slots) * 4;
+        graph.clear_first(&self.grid, slot_bytes + 4)?;
+        graph.clear_first(&self.slot_cursors, slot_bytes)?;
         graph.clear(&self.answer)?;
         graph
             .pass(kernels.get("surfel_grid_count")?)
@@ -329,15 +331,15 @@ impl SurfelCache {
             .uniform("cache", cache)
             .read("surfel_flags", &self.flags)
             .read_write("scan_values", &self.values)
-            .dispatch(workgroups_of(self.capacity))?;
-        self.scan.record(graph, &self.values, self.capacity + 1)?;
+            .dispatch(workgroups_of(self.used))?;
+        self.scan.record(graph, &self.values, self.used + 1)?;
         graph
             .pass(kernels.get("surfel_compact")?)
             .uniform("cache", cache)
             .read("surfel_flags", &self.flags)
             .read("scan_values", &self.values)
             .read_write("surfel_lists", &self.lists)
-            .dispatch(workgroups_of(self.capacity))?;
+            .dispatch(workgroups_of(self.used))?;
         Ok(())
     }
 
@@ -523,9 +525,9 @@ impl SurfelCache {
             .uniform("cache", bytes)
             .read("surfel_flags", &self.flags)
             .read_write("scan_values", &self.values)
-            .dispatch(workgroups_of(self.capacity))?;
-        self.scan.record(graph, &self.values, self.capacity + 1)?;
-        let end = u64::from(self.capacity) * 4;
+            .dispatch(workgroups_of(self.used))?;
+        self.scan.record(graph, &self.values, self.used + 1)?;
+        let end = u64::from(self.used) * 4;
         Ok(graph.read_back(&self.values, end..end + 4)?)
     }
 }
