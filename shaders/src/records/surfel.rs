@@ -258,4 +258,6 @@ pub mod surfel_switches {
     pub const PINNING: u32 = 256;
     /// The picture at work is so small that coarse surfels do.
     pub const COARSE: u32 = 512;
+    /// Surfels without a ray come first.
+    pub const NEWBORN_FIRST: u32 = 1024;
 }

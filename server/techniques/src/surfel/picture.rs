@@ -24,7 +24,7 @@ use crate::surfel::kernels_for;
 use crate::surfel::reuse::EarlierFrame;
 use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::splat::Splat;
-use crate::surfel::update::{Asking, Work, count_rays};
+use crate::surfel::update::{Asking, Gain, Work, count_rays};
 use crate::technique::{Change, Step, StepBudget, Technique, TechniqueError, TechniqueOptions};
 
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
@@ -33,8 +33,8 @@ const MOST_RAYS: u32 = 1 << 22;
 /// Rays of an update at least for each surfel born since the last one. Surfels are denser among the pixels of a small picture, whose
 /// rays go by its pixels: they would have hardly one each, and pixels would trace noisy paths in their stead.
 const RAYS_OF_NEWBORN: u32 = 8;
-/// One surfel in so many has to be newborn for a picture to drive an update out of turn.
-const LIVING_PER_NEWBORN: u32 = 8;
+/// Surfels that a picture has to get, as a share of its tiles, to drive an update out of turn, in which they come first.
+const MUCH_GAIN: f32 = 0.1;
 /// Pixels whose camera rays are traced in one submission.
 const VISIBILITY_PIXELS: u32 = 1 << 18;
 /// Samples of each pixel in the first frames; those after them take one. A first frame comes as soon as it can, and while something
@@ -191,6 +191,7 @@ impl SurfelPicture {
         cache.set_camera(self.camera, cache_camera(view, work.scene.origin, self.options.full_size), view.exposure);
         self.look(work, cache, frame, step)?;
         cache.file(work, step)?;
+        let mut gain = Gain::default();
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
                 frame: bytemuck::bytes_of(frame),
@@ -200,15 +201,16 @@ impl SurfelPicture {
                 pins: self.options.surfel.pins,
                 is_small: self.is_small(),
             };
-            let gain = cache.spawn(work, &asking, step)?;
-            self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };
+            gain = cache.spawn(work, &asking, step)?;
+            self.quiet_frames = if gain.first_round < QUIET_GAIN { QUIET_FRAMES } else { 0 };
         } else {
             self.quiet_frames -= 1;
         }
         // A picture that has not seen the newest update uses that one, unless it came upon much new ground; else it drives the next.
-        let has_news = cache.newborn > 0 && cache.newborn >= cache.live / LIVING_PER_NEWBORN;
-        if self.seen_update >= cache.update && !cache.is_settled || has_news || cache.update <= 1 {
-            cache.begin_update(work, bytemuck::bytes_of(frame), self.ray_budget(cache.newborn), step)?;
+        let has_news = gain.all_rounds >= MUCH_GAIN || cache.update <= 1;
+        if self.seen_update >= cache.update && !cache.is_settled || has_news {
+            let rays = self.ray_budget(cache.newborn);
+            cache.begin_update(work, bytemuck::bytes_of(frame), rays, has_news, step)?;
         }
         self.samples_left = self.further_samples(cache.rays_under_way());
         self.phase = Phase::Update;

@@ -19,11 +19,11 @@ use crate::surfel::graph::SurfelGraph;
 use crate::surfel::settings::Initial;
 use crate::technique::{Step, TechniqueError};
 
-/// Pixels of a tile's side.
-pub(crate) const TILE_SIDE: u32 = 8;
-/// Rounds of spawning in one frame at most: a first picture is filled before it is lit, a moving one gets what it can.
-const BURST_ROUNDS: u32 = 24;
-const ROUNDS: u32 = 3;
+/// Pixels of a tile's side, and of one in pictures that are content with coarse surfels (`surfel_coverage.wesl`).
+const TILE_SIDE: u32 = 8;
+const COARSE_TILE_SIDE: u32 = 4;
+/// Rounds of spawning in one frame at most: new ground is filled before it is lit.
+const MOST_ROUNDS: u32 = 24;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
 const ROUND_GAIN: f32 = 0.05;
 /// An update waits where it has less than a ray for so many living surfels, and so many wait one after the other at most.
@@ -56,6 +56,13 @@ pub(crate) struct Asking<'a> {
     pub(crate) is_small: bool,
 }
 
+/// Surfels that a picture got, as shares of its tiles.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Gain {
+    pub(crate) first_round: f32,
+    pub(crate) all_rounds: f32,
+}
+
 /// New surfels of a round.
 struct Accepted {
     all: u32,
@@ -72,32 +79,33 @@ impl SurfelCache {
             .read_if_bound("surfel_tiles", &self.tiles)
     }
 
-    /// Covers what a picture sees with surfels. Returns the share of its tiles that gained one in the first round.
+    /// Covers what a picture sees with surfels.
     pub(crate) fn spawn(
         &mut self,
         work: &Work<'_>,
         asking: &Asking<'_>,
         step: &mut Step,
-    ) -> Result<f32, TechniqueError> {
-        let tiles = asking.size.map(|side| side.div_ceil(TILE_SIDE));
+    ) -> Result<Gain, TechniqueError> {
+        let tile_side = if asking.is_small { COARSE_TILE_SIDE } else { TILE_SIDE };
+        let tiles = asking.size.map(|side| side.div_ceil(tile_side));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
         if self.settings().initial != Initial::Gaps && self.next_serial == 1 {
             self.seed(work, asking.frame, step)?;
         }
-        let rounds = if self.calm_updates == 0 && self.update <= 1 { BURST_ROUNDS } else { ROUNDS };
-        let mut first_gain = 0.0;
-        for round in 0..rounds {
+        let mut gain = Gain::default();
+        for round in 0..MOST_ROUNDS {
             let accepted = self.spawn_round(work, asking, tiles, round, step)?;
             self.is_settled &= accepted.all == 0;
             let gained = accepted.of_picture as f32 / (tiles[0] * tiles[1]) as f32;
+            gain.all_rounds += gained;
             if round == 0 {
-                first_gain = gained;
+                gain.first_round = gained;
             }
             if gained < ROUND_GAIN || self.live >= self.capacity {
                 break;
             }
         }
-        Ok(first_gain)
+        Ok(gain)
     }
 
     /// The first surfels: as many directions over the whole sphere as discs of their size cover it to what is wanted.
@@ -148,7 +156,7 @@ impl SurfelCache {
             .read_write("candidates", &self.candidates)
             .read_write("slot_seen", &self.slot_seen)
             .read_write("slot_pinned", &self.slot_pinned)
-            .dispatch([tiles[0], tiles[1], 1])?;
+            .dispatch([asking.size[0].div_ceil(TILE_SIDE), asking.size[1].div_ceil(TILE_SIDE), 1])?;
         self.accept(work, asking.frame, graph, &uniforms, step)
     }
 
@@ -216,6 +224,7 @@ impl SurfelCache {
             self.next_serial = self.next_serial.wrapping_add(all);
             let spawned = all.min(self.capacity - self.live);
             self.newborn = self.newborn.saturating_add(spawned);
+            self.used = self.used.max(self.live + spawned);
             self.rebuild(work, self.live + spawned, step)?;
         }
         Ok(Accepted { all, of_picture: all.saturating_sub(of_hits) })
@@ -224,7 +233,6 @@ impl SurfelCache {
     /// Withdraws candidates that ray hits put up.
     fn withdraw_hits(&self, graph: &mut Graph) -> Result<(), TechniqueError> {
         let bytes = u64::from(SURFEL_HIT_CANDIDATES) * size_of::<SurfelRecord>() as u64;
-            self.used = self.used.max(self.live + spawned);
         Ok(graph.clear_first(&self.candidates, bytes)?)
     }
 
@@ -343,12 +351,14 @@ impl SurfelCache {
         Ok(())
     }
 
-    /// Starts an update: deals the rays out. With nothing to trace the cache is settled.
+    /// Starts an update: deals the rays out, most of them to surfels that have none yet if those come first. With nothing to
+    /// trace the cache is settled.
     pub(crate) fn begin_update(
         &mut self,
         work: &Work<'_>,
         frame: &[u8],
         ray_budget: u32,
+        newborn_first: bool,
         step: &mut Step,
     ) -> Result<(), TechniqueError> {
         let Work { gpu, kernels, .. } = *work;
@@ -357,7 +367,10 @@ impl SurfelCache {
             self.is_settled = true;
             return Ok(());
         }
-        let uniforms = self.uniforms(ray_budget);
+        let mut uniforms = self.uniforms(ray_budget);
+        if newborn_first {
+            uniforms.switches |= surfel_switches::NEWBORN_FIRST;
+        }
         let bytes = bytemuck::bytes_of(&uniforms);
         let mut graph = gpu.graph("surfel_requests");
         if self.takes_new_edges() {

@@ -100,6 +100,43 @@ fn a_small_first_picture_is_lit_by_its_surfels() {
     assert!(eighth < 1.5 * own);
 }
 
+/// A gesture goes from a still, whose cache is large, to a wall right before the camera.
+#[test]
+fn ground_that_a_gesture_comes_upon_is_lit_in_the_same_frame() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let before = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let after = camera([0.6, 0.2, 0.8], [0.9, 0.1, 1.0]);
+    let (size, full_size) = ([60, 45], [480, 360]);
+    let new_rig = |size| Rig { full_size, ..Rig::new(&gpu, &scene, SurfelSettings::BALANCED, size) };
+    let indirect = |rig: &Rig<'_>, picture: &dyn Technique| {
+        let (direct, _) = picture.split().unwrap();
+        let direct = rig.read(direct);
+        let light = rig.values(picture);
+        light.iter().zip(direct).map(|(all, direct)| all - direct[0]).collect::<Vec<_>>()
+    };
+    let rig = new_rig(size);
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), after, 1);
+    let first = indirect(&rig, picture.as_ref());
+    rig.frames(picture.as_mut(), after, 127);
+    let truth = indirect(&rig, picture.as_ref());
+    let first = rmse(&first, &truth);
+
+    let mut rig = new_rig(full_size);
+    let mut still = rig.picture();
+    rig.frames(still.as_mut(), before, 2);
+    let [surfels_before, _] = still.surfels().unwrap();
+    drop(still);
+    rig.size = size;
+    let mut picture = rig.picture();
+    rig.frames(picture.as_mut(), after, 1);
+    let [surfels, _] = picture.surfels().unwrap();
+    let moved = rmse(&indirect(&rig, picture.as_ref()), &truth);
+    println!("{surfels_before} surfels, then {surfels}; {moved:.4} in the gesture, {first:.4} from nothing");
+    assert!(moved < 1.5 * first);
+}
+
 /// A gesture over ground that a still has lit: its small pictures find the still's surfels and need no coarser ones.
 #[test]
 fn a_small_picture_finds_the_fine_surfels_of_a_large_one() {
