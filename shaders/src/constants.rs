@@ -55,6 +55,8 @@ shader_constants! {
     SCAN_BLOCK: u32 = 4096;
     /// Rays after which a surfel counts fully in a gather.
     SURFEL_FULL_TRUST: f32 = 16.0;
+    /// Radius of coarse surfels, in ideal ones.
+    SURFEL_COARSENESS: f32 = 3.0;
     /// Words of a surfel's directional tables: 8x8 guiding bytes, then 4x4 depth moments.
     SURFEL_TILE_WORDS: u32 = 32;
     /// Candidates that ray hits may put up in one update of the surfel cache.

@@ -260,4 +260,6 @@ pub mod surfel_switches {
     pub const COARSE: u32 = 512;
     /// Surfels without a ray come first.
     pub const NEWBORN_FIRST: u32 = 1024;
+    /// New surfels are small among the picture's pixels.
+    pub const FINE_TILES: u32 = 2048;
 }

@@ -19,13 +19,17 @@ pub struct Scan {
 impl Scan {
     /// For up to so many values.
     pub fn new(gpu: &Gpu, largest_count: u32) -> Result<Self, GpuError> {
-        let sums_bytes = (u64::from(largest_count.div_ceil(SCAN_BLOCK)) + 1) * 4;
         Ok(Self {
             blocks: gpu.kernel("scan_blocks", Features::NONE)?,
             totals: gpu.kernel("scan_totals", Features::NONE)?,
             add: gpu.kernel("scan_add", Features::NONE)?,
-            sums: gpu.buffer("scan_sums", MemoryKind::Session, sums_bytes)?,
+            sums: gpu.buffer("scan_sums", MemoryKind::Session, sums_bytes(largest_count))?,
         })
+    }
+
+    /// Whether it was made for so many values.
+    pub fn holds(&self, count: u32) -> bool {
+        sums_bytes(count) <= self.sums.size_bytes()
     }
 
     /// Replaces each of the first `count` values by the sum of those before it.
@@ -47,4 +51,8 @@ impl Scan {
             .read("scan_sums", &self.sums)
             .dispatch(groups)
     }
+}
+
+fn sums_bytes(count: u32) -> u64 {
+    (u64::from(count.div_ceil(SCAN_BLOCK)) + 1) * 4
 }

@@ -348,6 +348,10 @@ impl SurfelCache {
         if self.values.size_bytes() < (candidates + 1) * 4 {
             self.values = buffer_of::<u32>(gpu, "scan_values", candidates + 1)?;
         }
+        let summed = SURFEL_HIT_CANDIDATES + tiles + 1;
+        if !self.scan.holds(summed) {
+            self.scan = Scan::new(gpu, summed)?;
+        }
         Ok(())
     }
 
@@ -381,6 +385,8 @@ impl SurfelCache {
         }
         if self.slot_cursors.size_bytes() < slots * 4 {
             self.slot_cursors = buffer_of::<u32>(gpu, "slot_cursors", slots)?;
+        }
+        if !self.scan.holds(shape.slots + 1) {
             self.scan = Scan::new(gpu, shape.slots + 1)?;
         }
         Ok(())

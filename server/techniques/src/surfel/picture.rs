@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_shaders::constants::SURFEL_COARSENESS;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
@@ -47,7 +48,7 @@ const SAMPLES_OF_FRAME: [u32; FRAMES_BEFORE as usize] = [1, 3, 2, 2, 2, 2, 2, 2]
 /// pixels, and the next one takes them again.
 const PIXELS_PER_RAY: u64 = 8;
 /// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
-const QUIET_GAIN: f32 = 0.02;
+const QUIET_GAIN: f32 = 0.01;
 const QUIET_FRAMES: u32 = 3;
 
 /// What a piece of a frame leaves to do.
@@ -172,6 +173,13 @@ impl SurfelPicture {
         self.options.size[1].saturating_mul(2) < self.options.full_size[1]
     }
 
+    /// Radius of surfels it asks for, in its own pixels.
+    fn wanted_pixels(&self) -> f32 {
+        let coarseness = if self.is_small() { SURFEL_COARSENESS } else { 1.0 };
+        let share = self.options.size[1] as f32 / self.options.full_size[1].max(1) as f32;
+        self.options.surfel.radius_pixels * coarseness * share
+    }
+
     fn ray_budget(&self, newborn: u32) -> u32 {
         // Pictures of a gesture are small so that they come soon; their rays are fewer likewise.
         let [width, height] = self.options.size;
@@ -200,6 +208,7 @@ impl SurfelPicture {
                 size: self.options.size,
                 pins: self.options.surfel.pins,
                 is_small: self.is_small(),
+                radius_pixels: self.wanted_pixels(),
             };
             gain = cache.spawn(work, &asking, step)?;
             self.quiet_frames = if gain.first_round < QUIET_GAIN { QUIET_FRAMES } else { 0 };

@@ -19,9 +19,11 @@ use crate::surfel::graph::SurfelGraph;
 use crate::surfel::settings::Initial;
 use crate::technique::{Step, TechniqueError};
 
-/// Pixels of a tile's side, and of one in pictures that are content with coarse surfels (`surfel_coverage.wesl`).
+/// Pixels of a tile's side, and of a fine one (`surfel_coverage.wesl`).
 const TILE_SIDE: u32 = 8;
-const COARSE_TILE_SIDE: u32 = 4;
+const FINE_TILE_SIDE: u32 = 4;
+/// Radius in pixels up to which new surfels of fine tiles keep their distance: neighbouring ones compare theirs.
+const FINE_RADIUS: f32 = 6.0;
 /// Rounds of spawning in one frame at most: new ground is filled before it is lit.
 const MOST_ROUNDS: u32 = 24;
 /// Share of the tiles that has to gain a surfel for another round to be worth it.
@@ -54,6 +56,14 @@ pub(crate) struct Asking<'a> {
     pub(crate) pins: bool,
     /// It is content with coarse surfels.
     pub(crate) is_small: bool,
+    /// Radius of those it asks for, in its own pixels.
+    pub(crate) radius_pixels: f32,
+}
+
+impl Asking<'_> {
+    fn has_fine_tiles(&self) -> bool {
+        self.radius_pixels <= FINE_RADIUS
+    }
 }
 
 /// Surfels that a picture got, as shares of its tiles.
@@ -86,7 +96,7 @@ impl SurfelCache {
         asking: &Asking<'_>,
         step: &mut Step,
     ) -> Result<Gain, TechniqueError> {
-        let tile_side = if asking.is_small { COARSE_TILE_SIDE } else { TILE_SIDE };
+        let tile_side = if asking.has_fine_tiles() { FINE_TILE_SIDE } else { TILE_SIDE };
         let tiles = asking.size.map(|side| side.div_ceil(tile_side));
         self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
         if self.settings().initial != Initial::Gaps && self.next_serial == 1 {
@@ -146,6 +156,9 @@ impl SurfelCache {
         uniforms.first_item = round;
         if asking.pins {
             uniforms.switches |= surfel_switches::PINNING;
+        }
+        if asking.has_fine_tiles() {
+            uniforms.switches |= surfel_switches::FINE_TILES;
         }
         let mut graph = gpu.graph("surfel_spawn");
         self.bind(lights.bind(scene.bind(graph.pass(kernels.get("surfel_coverage")?))))
