@@ -17,27 +17,29 @@ fn two_rooms() -> Vec<Face> {
     faces
 }
 
-fn light_in_the_dark(settings: SurfelSettings) -> f64 {
+fn light_in_the_dark(settings: SurfelSettings, seed: u64) -> f64 {
     let gpu = gpu();
     let scene = scene(&two_rooms(), 0.0);
     let rig = Rig::new(&gpu, &scene, settings, [64, 48]);
-    let mut lit = rig.picture();
-    let mut dark = rig.picture();
+    let mut lit = rig.picture_by("surfel", seed);
+    let mut dark = rig.picture_by("surfel", seed);
     // Both rooms look at the floor along the wall, where surfels of the lit side reach under it.
     for _ in 0..3 {
         lit.invalidate(surfelcast_techniques::Change::Camera);
         dark.invalidate(surfelcast_techniques::Change::Camera);
-        rig.frames(lit.as_mut(), camera([-1.6, 1.4, 0.5], [-0.1, 0.0, 0.0]), 32);
-        rig.frames(dark.as_mut(), camera([1.6, 1.4, 0.5], [0.1, 0.0, 0.0]), 32);
+        rig.frames(lit.as_mut(), camera([-1.6, 1.4, 0.5], [-0.1, 0.0, 0.0]), 16);
+        rig.frames(dark.as_mut(), camera([1.6, 1.4, 0.5], [0.1, 0.0, 0.0]), 16);
     }
     mean(&rig.values(dark.as_ref())) / mean(&rig.values(lit.as_ref()))
 }
 
 #[test]
 fn a_dark_room_beside_a_lit_one_stays_dark() {
-    let with_depth = light_in_the_dark(SurfelSettings::BALANCED);
-    let without = light_in_the_dark(SurfelSettings { respects_depth: false, ..SurfelSettings::BALANCED });
-    println!("dark room over lit room: {with_depth:.2e}, without radial depth {without:.2e}");
+    // Single surfels beside the wall decide how much it is.
+    let draws = [5, 6, 7, 8].map(|seed| light_in_the_dark(SurfelSettings::BALANCED, seed));
+    let with_depth = draws.iter().sum::<f64>() / draws.len() as f64;
+    let without = light_in_the_dark(SurfelSettings { respects_depth: false, ..SurfelSettings::BALANCED }, 5);
+    println!("dark room over lit room: {with_depth:.2e} of {draws:.5?}, without radial depth {without:.2e}");
     assert!(with_depth < 1e-3, "{with_depth}");
     assert!(without > with_depth, "the scene does not test radial depth any more");
 }
