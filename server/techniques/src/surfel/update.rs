@@ -60,9 +60,29 @@ pub(crate) struct Asking<'a> {
     pub(crate) radius_pixels: f32,
 }
 
-impl Asking<'_> {
-    fn has_fine_tiles(&self) -> bool {
-        self.radius_pixels <= FINE_RADIUS
+/// Tiles of a picture, one new surfel each at most in a round.
+#[derive(Clone, Copy, Debug)]
+struct Tiles {
+    columns: u32,
+    rows: u32,
+    are_fine: bool,
+}
+
+impl Tiles {
+    /// Of a picture that asks for surfels of such a radius, pixels, where so many more fit: fine tiles could fill what is left from
+    /// the top of the picture on.
+    fn of(size: [u32; 2], radius_pixels: f32, room: u32) -> Self {
+        let tiles = |side: u32, are_fine| {
+            let [columns, rows] = size.map(|pixels| pixels.div_ceil(side));
+            Self { columns, rows, are_fine }
+        };
+        let fine = tiles(FINE_TILE_SIDE, true);
+        let fits = radius_pixels <= FINE_RADIUS && fine.count() <= room;
+        if fits { fine } else { tiles(TILE_SIDE, false) }
+    }
+
+    const fn count(&self) -> u32 {
+        self.columns * self.rows
     }
 }
 
@@ -96,9 +116,8 @@ impl SurfelCache {
         asking: &Asking<'_>,
         step: &mut Step,
     ) -> Result<Gain, TechniqueError> {
-        let tile_side = if asking.has_fine_tiles() { FINE_TILE_SIDE } else { TILE_SIDE };
-        let tiles = asking.size.map(|side| side.div_ceil(tile_side));
-        self.reserve(work.gpu, 0, tiles[0] * tiles[1])?;
+        let tiles = Tiles::of(asking.size, asking.radius_pixels, self.capacity - self.live);
+        self.reserve(work.gpu, 0, tiles.count())?;
         if self.settings().initial != Initial::Gaps && self.next_serial == 1 {
             self.seed(work, asking.frame, step)?;
         }
@@ -106,7 +125,7 @@ impl SurfelCache {
         for round in 0..MOST_ROUNDS {
             let accepted = self.spawn_round(work, asking, tiles, round, step)?;
             self.is_settled &= accepted.all == 0;
-            let gained = accepted.of_picture as f32 / (tiles[0] * tiles[1]) as f32;
+            let gained = accepted.of_picture as f32 / tiles.count() as f32;
             gain.all_rounds += gained;
             if round == 0 {
                 gain.first_round = gained;
@@ -145,19 +164,19 @@ impl SurfelCache {
         &mut self,
         work: &Work<'_>,
         asking: &Asking<'_>,
-        tiles: [u32; 2],
+        tiles: Tiles,
         round: u32,
         step: &mut Step,
     ) -> Result<Accepted, TechniqueError> {
         let Work { gpu, kernels, scene, lights } = *work;
         let mut uniforms = self.uniforms_for_picture(asking.is_small);
-        (uniforms.columns, uniforms.rows) = (tiles[0], tiles[1]);
-        uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles[0] * tiles[1];
+        (uniforms.columns, uniforms.rows) = (tiles.columns, tiles.rows);
+        uniforms.item_count = SURFEL_HIT_CANDIDATES + tiles.count();
         uniforms.first_item = round;
         if asking.pins {
             uniforms.switches |= surfel_switches::PINNING;
         }
-        if asking.has_fine_tiles() {
+        if tiles.are_fine {
             uniforms.switches |= surfel_switches::FINE_TILES;
         }
         let mut graph = gpu.graph("surfel_spawn");
@@ -588,6 +607,16 @@ pub(crate) fn count_rays(step: &mut Step, bytes: &[u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tiles_are_fine_where_surfels_are_small_and_fit() {
+        let fine = Tiles::of([100, 50], 5.0, 1000);
+        assert_eq!((fine.columns, fine.rows, fine.are_fine), (25, 13, true));
+        assert!(Tiles::of([100, 50], 5.0, fine.count()).are_fine);
+        assert!(!Tiles::of([100, 50], 5.0, fine.count() - 1).are_fine, "one round could fill the cache");
+        let coarse = Tiles::of([100, 50], 8.0, 1000);
+        assert_eq!((coarse.columns, coarse.rows, coarse.are_fine), (13, 7, false));
+    }
 
     #[test]
     fn updates_of_few_rays_wait_but_not_for_ever() {
