@@ -55,6 +55,10 @@ shader_constants! {
     SCAN_BLOCK: u32 = 4096;
     /// Rays after which a surfel counts fully in a gather.
     SURFEL_FULL_TRUST: f32 = 16.0;
+    /// Side, in pixels, of the tiles that get a surfel each in a round of spawning.
+    SPAWN_TILE: u32 = 8;
+    /// The same where surfels are small among the pixels.
+    SPAWN_FINE_TILE: u32 = 4;
     /// Radius of coarse surfels, in ideal ones.
     SURFEL_COARSENESS: f32 = 3.0;
     /// Words of a surfel's directional tables: 8x8 guiding bytes, then 4x4 depth moments.

@@ -12,7 +12,7 @@ use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::{SurfelCache, UpdateStage};
 use crate::surfel::settings::SurfelSettings;
 use crate::surfel::snapshot::ExportedSurfel;
-use crate::surfel::update::Work;
+use crate::surfel::work::Work;
 use crate::technique::{Step, TechniqueError};
 
 /// What filing takes.

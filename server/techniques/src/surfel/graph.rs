@@ -13,7 +13,7 @@ use crate::passes::workgroups_of;
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::settings::Reconstruction;
 use crate::surfel::snapshot::read;
-use crate::surfel::update::Work;
+use crate::surfel::work::Work;
 use crate::technique::TechniqueError;
 
 /// What every reconstruction runs.

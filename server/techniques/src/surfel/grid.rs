@@ -54,6 +54,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn cascades_have_a_power_of_two_of_slots_for_what_lives_up_to_their_room() {
+        let slots = |surfels| GridShape::cascades(surfels, 1 << 20).slots;
+        assert_eq!((slots(0), slots(5_000), slots(70_000), slots(u32::MAX)), (1 << 12, 1 << 16, 1 << 20, 1 << 20));
+    }
+
+    #[test]
     fn a_trapezoidal_grid_reaches_as_far_as_the_scene_and_stays_within_its_memory() {
         for (pixel_size, position) in
             [(1e-9, [0.0; 3]), (1e-3, [3.0, 0.0, -4.0]), (0.1, [1e3, 0.0, 0.0]), (10.0, [0.0; 3])]

@@ -14,7 +14,7 @@ use crate::passes::{merge_passes, workgroups_of};
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::graph::SurfelGraph;
 use crate::surfel::settings::{ImageScheme, Reconstruction};
-use crate::surfel::update::Work;
+use crate::surfel::work::Work;
 use crate::technique::{Step, TechniqueError, TechniqueOptions};
 
 /// What it runs beside the graph's kernels.

@@ -9,6 +9,7 @@
 
 mod cache;
 mod direct;
+mod filing;
 mod fill;
 mod filter;
 mod graph;
@@ -20,8 +21,10 @@ mod reuse;
 mod settings;
 mod settle;
 mod snapshot;
+mod spawn;
 mod splat;
 mod update;
+mod work;
 
 pub use cache::SurfelCache;
 pub use graph::MeasuredDifference;

@@ -24,8 +24,9 @@ use crate::surfel::image::{Drawn, ImageReconstruction};
 use crate::surfel::kernels_for;
 use crate::surfel::reuse::EarlierFrame;
 use crate::surfel::settle::{FRAMES_BEFORE, Settle};
+use crate::surfel::spawn::Asking;
 use crate::surfel::splat::Splat;
-use crate::surfel::update::{Asking, Gain, Work, count_rays};
+use crate::surfel::work::{Work, count_rays};
 use crate::technique::{Change, Step, StepBudget, Technique, TechniqueError, TechniqueOptions};
 
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
@@ -199,7 +200,7 @@ impl SurfelPicture {
         cache.set_camera(self.camera, cache_camera(view, work.scene.origin, self.options.full_size), view.exposure);
         self.look(work, cache, frame, step)?;
         cache.file(work, step)?;
-        let mut gain = Gain::default();
+        let mut gain = 0.0;
         if self.samples == 0 || self.quiet_frames == 0 {
             let asking = Asking {
                 frame: bytemuck::bytes_of(frame),
@@ -211,12 +212,12 @@ impl SurfelPicture {
                 radius_pixels: self.wanted_pixels(),
             };
             gain = cache.spawn(work, &asking, step)?;
-            self.quiet_frames = if gain.first_round < QUIET_GAIN { QUIET_FRAMES } else { 0 };
+            self.quiet_frames = if gain < QUIET_GAIN { QUIET_FRAMES } else { 0 };
         } else {
             self.quiet_frames -= 1;
         }
         // A picture that has not seen the newest update uses that one, unless it came upon much new ground; else it drives the next.
-        let has_news = gain.all_rounds >= MUCH_GAIN || cache.update <= 1;
+        let has_news = gain >= MUCH_GAIN || cache.update <= 1;
         if self.seen_update >= cache.update && !cache.is_settled || has_news {
             let rays = self.ray_budget(cache.newborn);
             cache.begin_update(work, bytemuck::bytes_of(frame), rays, has_news, step)?;
