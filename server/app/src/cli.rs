@@ -157,7 +157,7 @@ fn aov_names() -> clap::builder::PossibleValuesParser {
 }
 
 /// Largest side of a picture, pixels.
-const MAX_SIDE: u32 = 16_384;
+pub(crate) const MAX_SIDE: u32 = 16_384;
 /// Most pixels of a picture.
 const MAX_PIXELS: u64 = 64_000_000;
 

@@ -22,6 +22,14 @@ pub struct Rectangle {
     pub end: [usize; 2],
 }
 
+impl Rectangle {
+    /// The pixels that hold any of these once the picture is [averaged down](Picture::averaged_down).
+    #[must_use]
+    pub fn averaged_down(self, factor: usize) -> Self {
+        Self { start: self.start.map(|at| at / factor), end: self.end.map(|at| at.div_ceil(factor)) }
+    }
+}
+
 impl Picture {
     /// Reads an OpenEXR file's colour channels.
     pub fn read_exr(path: &Path) -> Result<Self, MeasureError> {
@@ -55,6 +63,25 @@ impl Picture {
         let pixels: Vec<_> =
             self.pixels.iter().enumerate().filter(|(index, _)| !is_inside(*index)).map(|(_, pixel)| *pixel).collect();
         Self { size: [pixels.len(), 1], pixels }
+    }
+
+    /// The picture that a camera with fewer pixels takes of the same: each is the mean of `factor` x `factor` of these. `None`
+    /// where they do not divide evenly.
+    pub fn averaged_down(&self, factor: usize) -> Option<Self> {
+        let [width, height] = self.size;
+        if factor == 0 || width % factor != 0 || height % factor != 0 {
+            return None;
+        }
+        let size = [width / factor, height / factor];
+        let mut pixels = vec![[0.0; 3]; size[0] * size[1]];
+        let share = ((factor * factor) as f64).recip();
+        for (index, pixel) in self.pixels.iter().enumerate() {
+            let (x, y) = (index % width / factor, index / width / factor);
+            for (sum, value) in pixels[y * size[0] + x].iter_mut().zip(pixel) {
+                *sum += value * share;
+            }
+        }
+        Some(Self { size, pixels })
     }
 
     /// The average of two pictures of one size.
@@ -155,6 +182,17 @@ mod tests {
         let rest = whole.without(&[Rectangle { start: [1, 1], end: [2, 2] }]);
         assert_eq!(rest.pixels.len(), 7);
         assert!((rest.mean() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn averaging_down_keeps_the_mean_and_its_place() {
+        let mut whole = Picture { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
+        whole.pixels[7] = [5.0, 1.0, 1.0];
+        let small = whole.averaged_down(2).unwrap();
+        assert_eq!((small.size, small.pixels.as_slice()), ([2, 1], [[1.0; 3], [2.0, 1.0, 1.0]].as_slice()));
+        assert!(whole.averaged_down(4).is_none() && whole.averaged_down(0).is_none());
+        let masked = Rectangle { start: [1, 1], end: [3, 2] }.averaged_down(2);
+        assert_eq!(masked, Rectangle { start: [0, 0], end: [2, 1] }, "every pixel that holds any of them");
     }
 
     #[test]

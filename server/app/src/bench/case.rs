@@ -24,12 +24,33 @@ pub(crate) struct Wanted<'a> {
     /// Name of a reference or of a scene with references, a file, or `demo:NAME`.
     pub(crate) scene: &'a str,
     pub(crate) camera: Option<&'a str>,
-    pub(crate) size: Option<[u32; 2]>,
+    pub(crate) size: Option<WantedSize>,
     pub(crate) materials: Materials,
     /// Indirect light alone is compared, demodulated.
     pub(crate) is_indirect: bool,
     /// Picture to compare with.
     pub(crate) reference: Option<&'a Path>,
+}
+
+/// A picture's size where it is not the reference's.
+#[derive(Clone, Copy)]
+pub(crate) enum WantedSize {
+    Both([u32; 2]),
+    /// The height follows the reference's shape.
+    Width(u32),
+}
+
+impl WantedSize {
+    /// Beside a reference of that size. A height that is no whole number is rounded.
+    fn beside(self, [width, height]: [u32; 2]) -> [u32; 2] {
+        match self {
+            Self::Both(size) => size,
+            Self::Width(wanted) => {
+                let scaled = f64::from(wanted) * f64::from(height) / f64::from(width.max(1));
+                [wanted, (scaled.round() as u32).max(1)]
+            }
+        }
+    }
 }
 
 /// A picture to render.
@@ -50,6 +71,8 @@ enum Source {
         image: PathBuf,
         noise: f64,
         masked: Vec<Rectangle>,
+        /// As many of its pixels, across and down, are one of the picture.
+        factor: u32,
     },
     /// To be rendered.
     Rendered,
@@ -117,18 +140,23 @@ impl Case {
         let scene = scene_file::load(Path::new(wanted.scene), None, None)?;
         let camera = scene_file::camera_of(&scene, wanted.camera)?.clone();
         let mode = wanted.mode();
-        let (mut size, source) = match wanted.reference {
+        let (mut size, mut source) = match wanted.reference {
             None => (DEFAULT_SIZE, Source::Rendered),
             Some(image) => {
                 let [width, height] = Picture::read_exr(image)?.size;
                 let noise = stated_noise(image).unwrap_or(0.0);
-                let source = Source::Reference { image: image.to_owned(), noise, masked: Vec::new() };
+                let source = Source::Reference { image: image.to_owned(), noise, masked: Vec::new(), factor: 1 };
                 ([width as u32, height as u32], source)
             }
         };
-        if let Some(wanted) = wanted.size {
-            if wanted != size && matches!(source, Source::Reference { .. }) {
-                return Err(Failure::input(format!("--size: the reference is {} x {}", size[0], size[1])));
+        if let Some(wanted) = wanted.size.map(|wanted| wanted.beside(size)) {
+            if let Source::Reference { factor, .. } = &mut source {
+                *factor = whole_factor(size, wanted).ok_or_else(|| {
+                    Failure::input(format!(
+                        "picture size: the reference is {} x {}; give that or a whole part of both",
+                        size[0], size[1]
+                    ))
+                })?;
             }
             size = wanted;
         }
@@ -174,16 +202,16 @@ impl Case {
         let scene = scene_file::load(&reference.scene, None, None)?;
         let camera = scene_file::camera_of(&scene, Some(&reference.camera))?.camera;
         let mode = if wanted.is_indirect { Mode::Indirect } else { reference.mode };
-        // A reference has one size and output; another one asks for a truth of its own.
-        let is_sized = wanted.size.is_none_or(|size| size == reference.size);
-        let source = if is_sized && reference.mode == mode {
-            Source::Reference {
+        // Another output, or a size that does not divide the reference's, asks for a truth of its own.
+        let size = wanted.size.map_or(reference.size, |wanted| wanted.beside(reference.size));
+        let source = match whole_factor(reference.size, size) {
+            Some(factor) if reference.mode == mode => Source::Reference {
                 image: reference.image.clone(),
                 noise: reference.noise_rmse,
                 masked: reference.masked.clone(),
-            }
-        } else {
-            Source::Rendered
+                factor,
+            },
+            _ => Source::Rendered,
         };
         Ok(Self {
             name: if reference.mode == mode {
@@ -194,7 +222,7 @@ impl Case {
             scene,
             camera,
             mode,
-            size: wanted.size.unwrap_or(reference.size),
+            size,
             exposure: reference.exposure as f32,
             source,
         })
@@ -207,12 +235,18 @@ impl Case {
 
     /// Reads the reference, or path-traces one in two halves that tell its noise. Those are kept in `folder`.
     pub(crate) fn truth(&self, stage: &Stage<'_>, samples: u32, folder: &Path) -> Result<Truth, Failure> {
-        if let Source::Reference { image, noise, masked } = &self.source {
+        if let Source::Reference { image, noise, masked, factor } = &self.source {
+            let factor = *factor as usize;
+            let picture = Picture::read_exr(image)?.averaged_down(factor).ok_or_else(|| {
+                Failure::input(format!("{}: its size is not the one stated beside it", image.display()))
+            })?;
+            let name = image.file_stem().unwrap_or_default().to_string_lossy();
             return Ok(Truth {
-                picture: Picture::read_exr(image)?,
-                masked: masked.clone(),
-                noise: *noise,
-                source: image.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+                picture,
+                masked: masked.iter().map(|rectangle| rectangle.averaged_down(factor)).collect(),
+                // That of independent pixels.
+                noise: noise / factor as f64,
+                source: if factor == 1 { name.into_owned() } else { format!("{name}, averaged") },
             });
         }
         let half_samples = (samples / 2).max(1);
@@ -245,6 +279,12 @@ impl Case {
             source: format!("{TRUTH_TECHNIQUE}, {} samples", 2 * half_samples),
         })
     }
+}
+
+/// How many pixels of a picture, across and down, are one of a smaller one of the same shape, if it is a whole number.
+fn whole_factor(size: [u32; 2], smaller: [u32; 2]) -> Option<u32> {
+    let factor = size[0].checked_div(smaller[0])?;
+    (factor > 0 && smaller.map(|side| side.saturating_mul(factor)) == size).then_some(factor)
 }
 
 /// The noise that the JSON beside a reference states.

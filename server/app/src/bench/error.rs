@@ -12,12 +12,12 @@ use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Picture, Reference, flip, shared_folder, split_error};
 use surfelcast_techniques::{SessionState, SurfelSettings, registry};
 
-use crate::bench::case::{Case, Truth, Wanted};
+use crate::bench::case::{Case, Truth, Wanted, WantedSize};
 use crate::bench::record::{Curve, Key, Point, Record};
 use crate::bench::stage::{Cost, Stage, camera_aside};
 use crate::bench::variant::{Start, Variant, VariantLists};
 use crate::bench::{OutputArgs, comparisons, device_name, peers, progress_bar, tables};
-use crate::cli::{Materials, parse_secs, parse_size, preset_names, technique_ids};
+use crate::cli::{MAX_SIDE, Materials, parse_secs, parse_size, preset_names, technique_ids};
 use crate::failure::Failure;
 
 /// References that other renderers were measured on as well.
@@ -103,9 +103,13 @@ pub(crate) struct ErrorArgs {
     /// Seed of the first draw; those after it follow.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 31))]
     seed: u64,
-    /// Picture size; the reference's by default, 192x144 for reconstructions. Another one needs a truth of its own.
+    /// Picture size; the reference's by default, 192x144 for reconstructions. A reference that is a whole number of times as
+    /// large is averaged, another size needs a truth of its own.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
+    /// Picture width; the height follows the reference's shape.
+    #[arg(long, value_name = "PIXELS", conflicts_with = "size", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE)))]
+    width: Option<u32>,
     /// Materials.
     #[arg(long, value_enum, default_value_t = Materials::Lambert)]
     materials: Materials,
@@ -115,6 +119,13 @@ pub(crate) struct ErrorArgs {
     peers: Vec<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+impl ErrorArgs {
+    fn picture_size(&self) -> Option<WantedSize> {
+        let of_study = || self.study.size().filter(|_| self.reference.is_none());
+        self.width.map(WantedSize::Width).or_else(|| self.size.or_else(of_study).map(WantedSize::Both))
+    }
 }
 
 impl Study {
@@ -235,7 +246,7 @@ pub(crate) fn run(args: &ErrorArgs) -> Result<(), Failure> {
         let wanted = Wanted {
             scene,
             camera: args.camera.as_deref(),
-            size: args.size.or_else(|| study.size().filter(|_| args.reference.is_none())),
+            size: args.picture_size(),
             materials: args.materials,
             is_indirect: matches!(study, Study::Image | Study::Reconstructions),
             reference: args.reference.as_deref(),

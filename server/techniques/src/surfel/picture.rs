@@ -39,15 +39,17 @@ const RAYS_OF_NEWBORN: u32 = 8;
 const MUCH_GAIN: f32 = 0.1;
 /// Pixels whose camera rays are traced in one submission.
 const VISIBILITY_PIXELS: u32 = 1 << 18;
-/// Samples of each pixel in the first frames; those after them take one. A first frame comes as soon as it can, and while something
-/// moves there is no other. Then a sample takes about a quarter of what the rest of a frame does, so that noise per second is
-/// least with as many of them as twice the root of its share in the noise of a frame: two where half of the noise is that of
-/// pixels, more where edges and shadows make up most of it. Later, paths that the picture settles to bring samples of their own,
-/// and it is up to their weighing whether pixels or surfels need more.
-const SAMPLES_OF_FRAME: [u32; FRAMES_BEFORE as usize] = [1, 3, 2, 2, 2, 2, 2, 2];
+/// Samples of each pixel in the first frames of a picture whose cache traces as many rays as the settings ask for; those after them
+/// take one. Then a sample takes about a quarter of what the rest of a frame does, so that noise per second is least with as many of
+/// them as twice the root of its share in the noise of a frame: two where half of the noise is that of pixels, more where edges and
+/// shadows make up most of it. Where the cache traces more, as a tiny picture's does, it is as many more as the root of that. Later,
+/// paths that the picture settles to bring samples of their own, and it is up to their weighing whether pixels or surfels need more.
+const SAMPLES_OF_FRAME: [f32; FRAMES_BEFORE as usize] = [2.0, 3.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0];
+/// Samples of a frame at most.
+const MOST_SAMPLES: f32 = 16.0;
 /// Pixels for each ray of the cache up to which a frame takes a further sample of them: that of a settled cache is nothing but its
 /// pixels, and the next one takes them again.
-const PIXELS_PER_RAY: u64 = 8;
+const PIXELS_PER_RAY: f32 = 8.0;
 /// Share of the tiles that gained a surfel below which the next frames need not look, and how many those are.
 const QUIET_GAIN: f32 = 0.01;
 const QUIET_FRAMES: u32 = 3;
@@ -112,6 +114,16 @@ pub(super) struct SurfelPicture {
     /// Where light is reconstructed in the image.
     image: Option<ImageReconstruction>,
     counters: Buffer,
+}
+
+/// Samples of each pixel in a frame, before which there were `frames`, whose cache traces so many rays a pixel, and is to trace `asked`.
+fn samples_of_frame(frames: u32, cache_rays: f32, asked: f32) -> u32 {
+    let more = (cache_rays / asked.max(1e-6)).max(1.0);
+    let samples = SAMPLES_OF_FRAME.get(frames as usize).copied().unwrap_or(1.0) * more.sqrt();
+    // A first frame comes as soon as it can, and while something moves there is no other.
+    let most = if frames == 0 { more } else { MOST_SAMPLES };
+    let worth = 1.0 + (cache_rays * PIXELS_PER_RAY).floor();
+    samples.min(most).min(worth).min(MOST_SAMPLES).round().max(1.0) as u32
 }
 
 impl SurfelPicture {
@@ -233,9 +245,8 @@ impl SurfelPicture {
         if self.image.is_some() {
             return 0;
         }
-        let samples = SAMPLES_OF_FRAME.get(self.samples as usize).copied().unwrap_or(1);
-        let worth = u64::from(cache_rays) * PIXELS_PER_RAY / u64::from(self.pixel_count().max(1));
-        (samples - 1).min(u32::try_from(worth).unwrap_or(u32::MAX))
+        let rays_per_pixel = cache_rays as f32 / self.pixel_count().max(1) as f32;
+        samples_of_frame(self.samples, rays_per_pixel, self.options.surfel.rays_per_pixel) - 1
     }
 
     /// Camera rays of a sample.
@@ -560,5 +571,20 @@ impl Technique for SurfelPicture {
 impl Drop for SurfelPicture {
     fn drop(&mut self) {
         self.cache.lock().remove_camera(self.camera);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_takes_as_many_samples_as_its_rays_are_worth() {
+        let of = |rays: f32| [0, 1, 2, 20].map(|frames| samples_of_frame(frames, rays, 0.5));
+        assert_eq!(of(0.5), [1, 3, 2, 1], "the cache traces what it is to trace");
+        assert_eq!(of(2.0), [4, 6, 4, 2], "four times that, as in a tiny picture");
+        assert_eq!(of(0.1), [1, 1, 1, 1], "a settled cache");
+        assert_eq!(of(1e9), [16; 4]);
+        assert_eq!(of(0.0), [1; 4]);
     }
 }

@@ -37,8 +37,9 @@ const DECISION_GROWTH: f64 = 1.25;
 /// Factor on the noise of paths in the weights, and what is added to it where few samples tell that noise.
 const CAUTION: f32 = 1.3;
 const CAUTION_OF_FEW: f32 = 4.0;
-/// Standard errors by which the measured error of the cache has to be above what decides.
-const CERTAINTY: f64 = 1.0;
+/// Standard errors by which the measured error of the cache has to be above what decides, and by which it may have been larger
+/// before.
+const CERTAINTY: f64 = 1.5;
 /// Least share of the cache's error that is taken to fall with more frames.
 const LEAST_FALLING: f64 = 0.02;
 /// What the passes over a surfel cost in a frame, in rays.
@@ -71,7 +72,7 @@ enum Turn {
 struct Ledger {
     cache_cost: f64,
     path_cost: f64,
-    /// Errors of the cache's picture by the number of its frames.
+    /// Errors that the cache's picture may well have had, by the number of its frames.
     errors: Vec<(u32, f64)>,
     turn: Turn,
     /// Total cost from which the next decision is due.
@@ -97,21 +98,22 @@ impl Ledger {
     /// Takes what was found after so many frames of the cache and decides whose turn it is.
     fn decide(&mut self, frames: u32, found: Compared) {
         self.next_decision = (self.cache_cost + self.path_cost) * DECISION_GROWTH;
-        let falling = self.falling_share(frames, &found);
-        if self.errors.last().is_none_or(|(last, _)| *last < frames) {
-            self.errors.push((frames, found.cache_error));
-        }
+        // Both ends are taken so that chance speaks for the cache: of many looks at a few pixels one would speak against it.
         let surely = found.cache_error - CERTAINTY * found.uncertainty;
+        let falling = self.falling_share(frames, surely);
+        if self.errors.last().is_none_or(|(last, _)| *last < frames) {
+            self.errors.push((frames, found.cache_error.max(0.0) + CERTAINTY * found.uncertainty));
+        }
         let is_paths = surely * self.cache_cost > falling * found.path_noise * self.path_cost;
         self.turn = if is_paths { Turn::Paths } else { Turn::Cache };
     }
 
-    /// Share of the cache's error that falls as one over its frames, from its error at half of them.
-    fn falling_share(&self, frames: u32, found: &Compared) -> f64 {
+    /// Share of the cache's error, now so much, that falls as one over its frames, from what it may have been at half of them.
+    fn falling_share(&self, frames: u32, now: f64) -> f64 {
         let earlier = self.errors.iter().rev().find(|(then, _)| *then * 2 <= frames);
-        let Some(&(then, error)) = earlier.filter(|_| found.cache_error > 0.0) else { return 1.0 };
-        let per_frame = (error - found.cache_error) / (1.0 / f64::from(then) - 1.0 / f64::from(frames));
-        (per_frame / f64::from(frames) / found.cache_error).clamp(LEAST_FALLING, 1.0)
+        let Some(&(then, error)) = earlier.filter(|_| now > 0.0) else { return 1.0 };
+        let per_frame = (error - now) / (1.0 / f64::from(then) - 1.0 / f64::from(frames));
+        (per_frame / f64::from(frames) / now).clamp(LEAST_FALLING, 1.0)
     }
 }
 
@@ -309,10 +311,14 @@ fn compare(tiles: &[[f32; 4]]) -> Compared {
     let path_noise = tiles.iter().map(|tile| f64::from(tile[1])).sum::<f64>() / pixels;
     let beyond = |tile: &[f32; 4]| f64::from(tile[0]) - f64::from(tile[1]);
     let cache_error = tiles.iter().map(beyond).sum::<f64>() / pixels;
-    // Tiles are independent but for the few surfels that they share.
-    let mean = cache_error * pixels / tiles.len().max(1) as f64;
-    let scatter: f64 = tiles.iter().map(|tile| (beyond(tile) - mean).powi(2)).sum();
-    Compared { cache_error, uncertainty: scatter.sqrt() / pixels, path_noise }
+    // A squared difference, of noise v and an error e beyond it, scatters by 2 v^2 + 4 e v; where paths are seldom bright v scatters
+    // as much itself, and the sum of its squares knows. The scatter of tiles would take an error that few of them have for chance.
+    let scatter = |tile: &[f32; 4]| {
+        let error = beyond(tile).max(0.0) / f64::from(tile[2]).max(1.0);
+        2.0 * f64::from(tile[3]) + 4.0 * error * f64::from(tile[1])
+    };
+    let uncertainty = tiles.iter().map(scatter).sum::<f64>().sqrt() / pixels;
+    Compared { cache_error, uncertainty, path_noise }
 }
 
 #[cfg(test)]
@@ -378,11 +384,31 @@ mod tests {
     }
 
     #[test]
-    fn what_tiles_say_is_unbiased() {
+    fn that_an_error_did_not_fall_may_be_chance_too() {
+        let mut ledger = Ledger::new();
+        (ledger.cache_cost, ledger.path_cost) = (6e5, 3e4);
+        ledger.decide(15, Compared { cache_error: -4e-4, uncertainty: 3e-4, path_noise: 1.5e-3 });
+        assert_eq!(ledger.turn, Turn::Cache);
+        // There is an error, no less than before as far as one can see. It may still have been ten times as large.
+        (ledger.cache_cost, ledger.path_cost) = (1.25e6, 7.3e4);
+        ledger.decide(33, Compared { cache_error: 3e-5, uncertainty: 1e-5, path_noise: 2.8e-4 });
+        assert_eq!(ledger.turn, Turn::Cache);
+    }
+
+    #[test]
+    fn tiles_tell_the_error_and_how_far_chance_goes() {
         // Noise of paths 4 in each of 64 pixels, an error of 1.
-        let tiles = [[5.5 * 64.0, 4.0 * 64.0, 64.0, 0.0], [4.5 * 64.0, 4.0 * 64.0, 64.0, 0.0]];
-        let found = compare(&tiles);
+        let tile = |difference: f32| [difference * 64.0, 4.0 * 64.0, 64.0, 16.0 * 64.0];
+        let found = compare(&[5.5, 4.5].map(tile));
         assert!((found.cache_error - 1.0).abs() < 1e-9 && (found.path_noise - 4.0).abs() < 1e-9, "{found:?}");
-        assert!((found.uncertainty - 0.5f64.hypot(0.5) / 2.0).abs() < 1e-9, "{found:?}");
+        // The standard error of the mean of 128 pixels.
+        let expected = ((2.0 * 16.0 + 4.0 * 4.0) / 128f64).sqrt();
+        assert!((found.uncertainty - expected).abs() < 1e-9, "{found:?}");
+        // That one tile has all of the error makes it no less certain.
+        let elsewhere = compare(&[6.0, 4.0].map(tile));
+        assert!((elsewhere.uncertainty - expected).abs() < 1e-9, "{elsewhere:?}");
+        // A pixel with all of the noise has all of the chance.
+        let bright = compare(&[[5.5 * 64.0, 4.0 * 64.0, 64.0, (4.0f32 * 64.0).powi(2)], tile(4.5)]);
+        assert!(bright.uncertainty > 3.0 * expected, "{bright:?}");
     }
 }
