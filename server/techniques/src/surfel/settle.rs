@@ -37,8 +37,7 @@ const DECISION_GROWTH: f64 = 1.25;
 /// Factor on the noise of paths in the weights, and what is added to it where few samples tell that noise.
 const CAUTION: f32 = 1.3;
 const CAUTION_OF_FEW: f32 = 4.0;
-/// Standard errors by which the measured error of the cache has to be above what decides, and by which it may have been larger
-/// before.
+/// Standard errors between the measured error of the cache and what it is at least and at most.
 const CERTAINTY: f64 = 1.5;
 /// Least share of the cache's error that is taken to fall with more frames.
 const LEAST_FALLING: f64 = 0.02;
@@ -49,14 +48,14 @@ const GUESSED_RAYS: f64 = 8.0;
 /// Keeps the paths' random numbers apart from those of the cache's pictures.
 const SEED_SALT: u64 = 0x7c31_9d52_e60b_48af;
 
-/// Sums over a picture.
+/// Sums over a picture, of squares in pixels' mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Compared {
-    /// Mean squared error of the cache's picture.
-    cache_error: f64,
-    /// Its standard error.
-    uncertainty: f64,
-    /// Variance of the paths' mean, averaged over pixels.
+    /// Error that the cache's picture has at least, and at most, as far as the paths' noise lets one see. The former is below zero
+    /// where one sees none.
+    surely: f64,
+    perhaps: f64,
+    /// Variance of the paths' mean.
     path_noise: f64,
 }
 
@@ -98,13 +97,12 @@ impl Ledger {
     /// Takes what was found after so many frames of the cache and decides whose turn it is.
     fn decide(&mut self, frames: u32, found: Compared) {
         self.next_decision = (self.cache_cost + self.path_cost) * DECISION_GROWTH;
-        // Both ends are taken so that chance speaks for the cache: of many looks at a few pixels one would speak against it.
-        let surely = found.cache_error - CERTAINTY * found.uncertainty;
-        let falling = self.falling_share(frames, surely);
+        // Chance speaks for the cache: of many looks at a few pixels one would speak against it.
+        let falling = self.falling_share(frames, found.surely);
         if self.errors.last().is_none_or(|(last, _)| *last < frames) {
-            self.errors.push((frames, found.cache_error.max(0.0) + CERTAINTY * found.uncertainty));
+            self.errors.push((frames, found.perhaps));
         }
-        let is_paths = surely * self.cache_cost > falling * found.path_noise * self.path_cost;
+        let is_paths = found.surely * self.cache_cost > falling * found.path_noise * self.path_cost;
         self.turn = if is_paths { Turn::Paths } else { Turn::Cache };
     }
 
@@ -305,20 +303,27 @@ fn tile_count([width, height]: [u32; 2]) -> u32 {
     width.div_ceil(SETTLE_TILE) * height.div_ceil(SETTLE_TILE)
 }
 
-/// Sums over tiles, in order.
+/// What sums over tiles say.
+///
+/// A squared difference, of noise v and an error e beyond it, scatters by 2 v^2 + 4 e v; where paths are seldom bright v scatters
+/// as much itself, and the sum of its squares knows. The scatter of tiles would take an error that few of them have for chance.
+/// Errors are never below zero, so those of the quietest tiles alone are what all have at least: a few bright samples elsewhere
+/// hide nothing.
 fn compare(tiles: &[[f32; 4]]) -> Compared {
-    let pixels: f64 = tiles.iter().map(|tile| f64::from(tile[2])).sum::<f64>().max(1.0);
-    let path_noise = tiles.iter().map(|tile| f64::from(tile[1])).sum::<f64>() / pixels;
-    let beyond = |tile: &[f32; 4]| f64::from(tile[0]) - f64::from(tile[1]);
-    let cache_error = tiles.iter().map(beyond).sum::<f64>() / pixels;
-    // A squared difference, of noise v and an error e beyond it, scatters by 2 v^2 + 4 e v; where paths are seldom bright v scatters
-    // as much itself, and the sum of its squares knows. The scatter of tiles would take an error that few of them have for chance.
-    let scatter = |tile: &[f32; 4]| {
-        let error = beyond(tile).max(0.0) / f64::from(tile[2]).max(1.0);
-        2.0 * f64::from(tile[3]) + 4.0 * error * f64::from(tile[1])
-    };
-    let uncertainty = tiles.iter().map(scatter).sum::<f64>().sqrt() / pixels;
-    Compared { cache_error, uncertainty, path_noise }
+    let pixels = tiles.iter().map(|tile| f64::from(tile[2])).sum::<f64>().max(1.0);
+    let mut quietest_first: Vec<_> = tiles.iter().collect();
+    quietest_first.sort_by(|a, b| a[3].total_cmp(&b[3]));
+    let (mut error, mut scatter, mut noise) = (0.0, 0.0, 0.0);
+    let mut surely = f64::NEG_INFINITY;
+    for &&[difference, variance, count, variance_squared] in &quietest_first {
+        let (variance, beyond) = (f64::from(variance), f64::from(difference) - f64::from(variance));
+        error += beyond;
+        noise += variance;
+        scatter += 2.0 * f64::from(variance_squared) + 4.0 * beyond.max(0.0) / f64::from(count).max(1.0) * variance;
+        surely = surely.max(error - CERTAINTY * scatter.sqrt());
+    }
+    let perhaps = error.max(0.0) + CERTAINTY * scatter.sqrt();
+    Compared { surely: surely / pixels, perhaps: perhaps / pixels, path_noise: noise / pixels }
 }
 
 #[cfg(test)]
@@ -346,7 +351,7 @@ mod tests {
             if ledger.is_decision_due(samples) {
                 let cache_error = bias + noise / f64::from(frames);
                 let path_noise = path / f64::from(samples);
-                ledger.decide(frames, Compared { cache_error, uncertainty: 0.0, path_noise });
+                ledger.decide(frames, Compared { surely: cache_error, perhaps: cache_error, path_noise });
             }
         }
         (ledger, frames, samples)
@@ -377,9 +382,9 @@ mod tests {
     fn an_error_that_may_be_chance_decides_nothing() {
         let mut ledger = Ledger::new();
         (ledger.cache_cost, ledger.path_cost) = (1000.0, 1.0);
-        ledger.decide(16, Compared { cache_error: 1e-3, uncertainty: 2e-3, path_noise: 0.1 });
+        ledger.decide(16, Compared { surely: -2e-3, perhaps: 4e-3, path_noise: 0.1 });
         assert_eq!(ledger.turn, Turn::Cache);
-        ledger.decide(16, Compared { cache_error: 1e-3, uncertainty: 1e-5, path_noise: 0.1 });
+        ledger.decide(16, Compared { surely: 9.9e-4, perhaps: 1.1e-3, path_noise: 0.1 });
         assert_eq!(ledger.turn, Turn::Paths);
     }
 
@@ -387,28 +392,38 @@ mod tests {
     fn that_an_error_did_not_fall_may_be_chance_too() {
         let mut ledger = Ledger::new();
         (ledger.cache_cost, ledger.path_cost) = (6e5, 3e4);
-        ledger.decide(15, Compared { cache_error: -4e-4, uncertainty: 3e-4, path_noise: 1.5e-3 });
+        ledger.decide(15, Compared { surely: -4e-4, perhaps: 3e-4, path_noise: 1.5e-3 });
         assert_eq!(ledger.turn, Turn::Cache);
         // There is an error, no less than before as far as one can see. It may still have been ten times as large.
         (ledger.cache_cost, ledger.path_cost) = (1.25e6, 7.3e4);
-        ledger.decide(33, Compared { cache_error: 3e-5, uncertainty: 1e-5, path_noise: 2.8e-4 });
+        ledger.decide(33, Compared { surely: 1.5e-5, perhaps: 4.5e-5, path_noise: 2.8e-4 });
         assert_eq!(ledger.turn, Turn::Cache);
     }
 
     #[test]
     fn tiles_tell_the_error_and_how_far_chance_goes() {
-        // Noise of paths 4 in each of 64 pixels, an error of 1.
+        // Noise of paths 4 in each of 64 pixels, an error of 16.
         let tile = |difference: f32| [difference * 64.0, 4.0 * 64.0, 64.0, 16.0 * 64.0];
-        let found = compare(&[5.5, 4.5].map(tile));
-        assert!((found.cache_error - 1.0).abs() < 1e-9 && (found.path_noise - 4.0).abs() < 1e-9, "{found:?}");
+        let found = compare(&[21.0, 19.0].map(tile));
         // The standard error of the mean of 128 pixels.
-        let expected = ((2.0 * 16.0 + 4.0 * 4.0) / 128f64).sqrt();
-        assert!((found.uncertainty - expected).abs() < 1e-9, "{found:?}");
+        let expected = CERTAINTY * ((2.0 * 16.0 + 4.0 * 16.0 * 4.0) / 128f64).sqrt();
+        let is_near = |value: f64, wanted: f64| (value - wanted).abs() < 1e-9;
+        assert!(is_near(found.path_noise, 4.0) && is_near(found.surely, 16.0 - expected), "{found:?}");
+        assert!(is_near(found.perhaps, 16.0 + expected), "{found:?}");
         // That one tile has all of the error makes it no less certain.
-        let elsewhere = compare(&[6.0, 4.0].map(tile));
-        assert!((elsewhere.uncertainty - expected).abs() < 1e-9, "{elsewhere:?}");
-        // A pixel with all of the noise has all of the chance.
-        let bright = compare(&[[5.5 * 64.0, 4.0 * 64.0, 64.0, (4.0f32 * 64.0).powi(2)], tile(4.5)]);
-        assert!(bright.uncertainty > 3.0 * expected, "{bright:?}");
+        let elsewhere = compare(&[36.0, 4.0].map(tile));
+        assert!(elsewhere.surely >= found.surely, "{elsewhere:?}");
+    }
+
+    #[test]
+    fn a_bright_sample_neither_is_an_error_nor_hides_one() {
+        let dark = [6.0 * 64.0, 1.0 * 64.0, 64.0, 64.0];
+        let bright = [1e6, 1e6, 64.0, 1e12];
+        let alone = compare(&[dark; 3]);
+        let found = compare(&[dark, bright, dark, dark]);
+        assert!((found.surely / (0.75 * alone.surely) - 1.0).abs() < 1e-9, "{found:?} beside {alone:?}");
+        assert!(found.perhaps > 1e3, "{found:?}");
+        let nothing = compare(&[[64.0, 64.0, 64.0, 64.0], [2e6, 1e6, 64.0, 1e12]]);
+        assert!(nothing.surely < 0.0, "{nothing:?}");
     }
 }
