@@ -305,24 +305,33 @@ fn tile_count([width, height]: [u32; 2]) -> u32 {
 
 /// What sums over tiles say.
 ///
-/// A squared difference, of noise v and an error e beyond it, scatters by 2 v^2 + 4 e v; where paths are seldom bright v scatters
-/// as much itself, and the sum of its squares knows. The scatter of tiles would take an error that few of them have for chance.
-/// Errors are never below zero, so those of the quietest tiles alone are what all have at least: a few bright samples elsewhere
-/// hide nothing.
+/// How far chance goes is known in two ways, both of which say too much: by the scatter of tiles, which is also that of the error
+/// among them; and since a squared difference, of noise v and an error e beyond it, scatters by 2 v^2 + 4 e v, where v is itself
+/// overstated by bright samples. The lesser counts.
+///
+/// Errors are never below zero, so that of the quieter tiles alone is what all have at least: a few bright samples elsewhere hide
+/// nothing.
 fn compare(tiles: &[[f32; 4]]) -> Compared {
     let pixels = tiles.iter().map(|tile| f64::from(tile[2])).sum::<f64>().max(1.0);
     let mut quietest_first: Vec<_> = tiles.iter().collect();
     quietest_first.sort_by(|a, b| a[3].total_cmp(&b[3]));
-    let (mut error, mut scatter, mut noise) = (0.0, 0.0, 0.0);
-    let mut surely = f64::NEG_INFINITY;
-    for &&[difference, variance, count, variance_squared] in &quietest_first {
+    let (mut error, mut squares, mut noise, mut scatter_of_pixels) = (0.0, 0.0, 0.0, 0.0);
+    let (mut surely, mut perhaps) = (f64::NEG_INFINITY, 0.0);
+    for (index, &&[difference, variance, count, variance_squared]) in quietest_first.iter().enumerate() {
         let (variance, beyond) = (f64::from(variance), f64::from(difference) - f64::from(variance));
         error += beyond;
+        squares += beyond * beyond;
         noise += variance;
-        scatter += 2.0 * f64::from(variance_squared) + 4.0 * beyond.max(0.0) / f64::from(count).max(1.0) * variance;
-        surely = surely.max(error - CERTAINTY * scatter.sqrt());
+        let error_of_pixels = beyond.max(0.0) / f64::from(count).max(1.0);
+        scatter_of_pixels += 2.0 * f64::from(variance_squared) + 4.0 * error_of_pixels * variance;
+        let scatter_of_tiles = squares - error * error / (index + 1) as f64;
+        let doubt = CERTAINTY * scatter_of_pixels.min(scatter_of_tiles).max(0.0).sqrt();
+        // Of fewer tiles their scatter says nothing.
+        if 2 * index >= tiles.len() {
+            surely = surely.max(error - doubt);
+        }
+        perhaps = error.max(0.0) + doubt;
     }
-    let perhaps = error.max(0.0) + CERTAINTY * scatter.sqrt();
     Compared { surely: surely / pixels, perhaps: perhaps / pixels, path_noise: noise / pixels }
 }
 
@@ -400,30 +409,32 @@ mod tests {
         assert_eq!(ledger.turn, Turn::Cache);
     }
 
+    /// A tile of 64 pixels with this error and noise of paths.
+    fn tile(error: f32, noise: f32) -> [f32; 4] {
+        [(error + noise) * 64.0, noise * 64.0, 64.0, noise * noise * 64.0]
+    }
+
     #[test]
     fn tiles_tell_the_error_and_how_far_chance_goes() {
-        // Noise of paths 4 in each of 64 pixels, an error of 16.
-        let tile = |difference: f32| [difference * 64.0, 4.0 * 64.0, 64.0, 16.0 * 64.0];
-        let found = compare(&[21.0, 19.0].map(tile));
-        // The standard error of the mean of 128 pixels.
-        let expected = CERTAINTY * ((2.0 * 16.0 + 4.0 * 16.0 * 4.0) / 128f64).sqrt();
-        let is_near = |value: f64, wanted: f64| (value - wanted).abs() < 1e-9;
-        assert!(is_near(found.path_noise, 4.0) && is_near(found.surely, 16.0 - expected), "{found:?}");
-        assert!(is_near(found.perhaps, 16.0 + expected), "{found:?}");
-        // That one tile has all of the error makes it no less certain.
-        let elsewhere = compare(&[36.0, 4.0].map(tile));
-        assert!(elsewhere.surely >= found.surely, "{elsewhere:?}");
+        let is_near = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 1e-6;
+        // A mean of 20; the scatter of the two sums is 128.
+        let found = compare(&[tile(21.0, 100.0), tile(19.0, 100.0)]);
+        let doubt = CERTAINTY * 2f64.sqrt() / 2.0;
+        assert!(is_near(found.surely, 20.0 - doubt) && is_near(found.perhaps, 20.0 + doubt), "{found:?}");
+        assert!(is_near(found.path_noise, 100.0), "{found:?}");
+        // Where one tile has all of the error, it is the noise that tells.
+        let found = compare(&[tile(40.0, 0.1), tile(0.0, 0.1)]);
+        let doubt = CERTAINTY * (64.0 * (4.0 * 0.01 + 4.0 * 40.0 * 0.1f64)).sqrt() / 128.0;
+        assert!(is_near(found.surely, 20.0 - doubt), "{found:?}");
     }
 
     #[test]
     fn a_bright_sample_neither_is_an_error_nor_hides_one() {
-        let dark = [6.0 * 64.0, 1.0 * 64.0, 64.0, 64.0];
+        let quiet = [tile(5.0, 1.0), tile(4.0, 1.0), tile(6.0, 1.0)];
         let bright = [1e6, 1e6, 64.0, 1e12];
-        let alone = compare(&[dark; 3]);
-        let found = compare(&[dark, bright, dark, dark]);
-        assert!((found.surely / (0.75 * alone.surely) - 1.0).abs() < 1e-9, "{found:?} beside {alone:?}");
-        assert!(found.perhaps > 1e3, "{found:?}");
-        let nothing = compare(&[[64.0, 64.0, 64.0, 64.0], [2e6, 1e6, 64.0, 1e12]]);
-        assert!(nothing.surely < 0.0, "{nothing:?}");
+        let (alone, found) = (compare(&quiet), compare(&[quiet[0], bright, quiet[1], quiet[2]]));
+        assert!((found.surely / (0.75 * alone.surely) - 1.0).abs() < 1e-6, "{found:?} beside {alone:?}");
+        let nothing = compare(&[tile(0.0, 1.0), tile(0.0, 1.0), [2e6, 1e6, 64.0, 1e12]]);
+        assert!(nothing.surely <= 0.0 && nothing.perhaps > 1e3, "{nothing:?}");
     }
 }

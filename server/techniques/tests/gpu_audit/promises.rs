@@ -41,6 +41,8 @@ fn audits(setting: &Setting, technique: &str, samples: u32) -> Vec<(AuditResult,
         radius_pixels: 16.0,
         reconstruction: Reconstruction::None,
         shares: false,
+        // What an update of so few pixels traces at least: more would be a reason to take more samples of them.
+        rays_per_pixel: 2.0,
         ..SurfelSettings::PREVIEW
     };
     (0..PICTURES)
