@@ -18,7 +18,8 @@ fn orbit(step: u32) -> Camera {
 }
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, reuses_direct: bool) -> Rig<'a> {
-    let settings = SurfelSettings { reuses_direct, ..SurfelSettings::BALANCED };
+    // The rays that an update of so few pixels traces at least: more than asked for would be a reason to take more samples of them.
+    let settings = SurfelSettings { reuses_direct, rays_per_pixel: 2.0, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
 

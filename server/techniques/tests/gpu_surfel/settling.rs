@@ -12,8 +12,10 @@ use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
 /// The multiscale estimator never comes to rest and nothing is made of what it says, so that the cache stays a good deal off and
-/// the test need not run long.
+/// the test need not run long. Rays are those that an update of so few pixels traces at least: more than asked for would be a reason to
+/// take more samples of them.
 const COARSE: SurfelSettings = SurfelSettings {
+    rays_per_pixel: 2.4,
     estimator: Estimator::Multiscale,
     reconstruction: Reconstruction::None,
     shares: false,
