@@ -153,7 +153,7 @@ impl Case {
             if let Source::Reference { factor, .. } = &mut source {
                 *factor = whole_factor(size, wanted).ok_or_else(|| {
                     Failure::input(format!(
-                        "picture size: the reference is {} x {}; give that or a whole part of both",
+                        "--size, --width: the reference is {} x {}; give that size or a whole part of it",
                         size[0], size[1]
                     ))
                 })?;
@@ -240,13 +240,12 @@ impl Case {
             let picture = Picture::read_exr(image)?.averaged_down(factor).ok_or_else(|| {
                 Failure::input(format!("{}: its size is not the one stated beside it", image.display()))
             })?;
-            let name = image.file_stem().unwrap_or_default().to_string_lossy();
             return Ok(Truth {
                 picture,
                 masked: masked.iter().map(|rectangle| rectangle.averaged_down(factor)).collect(),
                 // That of independent pixels.
                 noise: noise / factor as f64,
-                source: if factor == 1 { name.into_owned() } else { format!("{name}, averaged") },
+                source: image.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             });
         }
         let half_samples = (samples / 2).max(1);
@@ -270,10 +269,8 @@ impl Case {
         };
         let [one, other] = [half(0)?, half(1)?];
         let noise = one.tone_mapped_mse(&other, f64::from(self.exposure)).sqrt() / 2.0;
-        let mean = |(a, b): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|i| f64::midpoint(a[i], b[i]));
-        let pixels = one.pixels.iter().zip(&other.pixels).map(mean).collect();
         Ok(Truth {
-            picture: Picture { size: one.size, pixels },
+            picture: one.mean_with(&other),
             masked: Vec::new(),
             noise,
             source: format!("{TRUTH_TECHNIQUE}, {} samples", 2 * half_samples),
@@ -292,4 +289,25 @@ fn stated_noise(image: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(image.with_extension("json")).ok()?;
     let json: serde_json::Value = serde_json::from_str(&text).ok()?;
     json["noise"]["rmse_tm"].as_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reference_is_averaged_where_it_is_a_whole_number_of_times_as_large() {
+        assert_eq!(whole_factor([320, 180], [32, 18]), Some(10));
+        assert_eq!(whole_factor([320, 180], [320, 180]), Some(1));
+        for other in [[32, 32], [64, 18], [640, 360], [100, 56], [0, 0]] {
+            assert_eq!(whole_factor([320, 180], other), None, "{other:?}");
+        }
+    }
+
+    #[test]
+    fn a_width_keeps_the_shape() {
+        assert_eq!(WantedSize::Width(32).beside([320, 180]), [32, 18]);
+        assert_eq!(WantedSize::Width(1).beside([320, 100]), [1, 1], "no picture without a row");
+        assert_eq!(WantedSize::Both([7, 5]).beside([320, 180]), [7, 5]);
+    }
 }

@@ -111,14 +111,24 @@ impl SurfelCache {
         Ok(levels)
     }
 
-    fn record_lists(&self, graph: &mut Graph, kernels: &KernelSet, cache: &[u8]) -> Result<(), TechniqueError> {
+    /// Numbers the living in the order of their ids; how many there are comes after the last number.
+    pub(crate) fn record_numbers(
+        &self,
+        graph: &mut Graph,
+        kernels: &KernelSet,
+        cache: &[u8],
+    ) -> Result<(), TechniqueError> {
         graph
             .pass(kernels.get("surfel_mark")?)
             .uniform("cache", cache)
             .read("surfel_flags", &self.flags)
             .read_write("scan_values", &self.values)
             .dispatch(workgroups_of(self.used))?;
-        self.scan.record(graph, &self.values, self.used + 1)?;
+        Ok(self.scan.record(graph, &self.values, self.used + 1)?)
+    }
+
+    fn record_lists(&self, graph: &mut Graph, kernels: &KernelSet, cache: &[u8]) -> Result<(), TechniqueError> {
+        self.record_numbers(graph, kernels, cache)?;
         graph
             .pass(kernels.get("surfel_compact")?)
             .uniform("cache", cache)

@@ -118,12 +118,12 @@ pub(super) struct SurfelPicture {
 
 /// Samples of each pixel in a frame, before which there were `frames`, whose cache traces so many rays a pixel, and is to trace `asked`.
 fn samples_of_frame(frames: u32, cache_rays: f32, asked: f32) -> u32 {
-    let more = (cache_rays / asked.max(1e-6)).max(1.0);
+    let more = (cache_rays / asked).max(1.0);
     let samples = SAMPLES_OF_FRAME.get(frames as usize).copied().unwrap_or(1.0) * more.sqrt();
     // A first frame comes as soon as it can, and while something moves there is no other.
     let most = if frames == 0 { more } else { MOST_SAMPLES };
     let worth = 1.0 + (cache_rays * PIXELS_PER_RAY).floor();
-    samples.min(most).min(worth).min(MOST_SAMPLES).round().max(1.0) as u32
+    samples.min(most).min(worth).min(MOST_SAMPLES).round() as u32
 }
 
 impl SurfelPicture {

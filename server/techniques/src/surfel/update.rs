@@ -201,13 +201,7 @@ impl SurfelCache {
             .read_write("surfel_flags", &self.flags)
             .dispatch(groups)?;
         // How many are left; the lists follow only if that changed.
-        graph
-            .pass(kernels.get("surfel_mark")?)
-            .uniform("cache", bytes)
-            .read("surfel_flags", &self.flags)
-            .read_write("scan_values", &self.values)
-            .dispatch(workgroups_of(self.used))?;
-        self.scan.record(graph, &self.values, self.used + 1)?;
+        self.record_numbers(graph, kernels, bytes)?;
         let end = u64::from(self.used) * 4;
         Ok(graph.read_back(&self.values, end..end + 4)?)
     }

@@ -74,6 +74,11 @@ fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
     rig.frames(picture.as_mut(), view.camera, 100);
     picture.invalidate(Change::Camera);
     assert_eq!(samples_of_frames(picture.as_mut(), 4), [1; 4], "once the cache has settled");
+    // Where an update traces many times the rays that so few pixels ask for.
+    let rig = Rig::new(&gpu, &scene, SurfelSettings { rays_per_pixel: 0.5, ..settings }, rig.size);
+    let mut picture = rig.picture();
+    let taken = samples_of_frames(picture.as_mut(), 2);
+    assert!(taken.iter().all(|&samples| (4..=16).contains(&samples)), "{taken:?}");
 }
 
 /// What a person sees first on a slow device: few pixels, which surfels made for a larger picture would leave to noisy paths.
