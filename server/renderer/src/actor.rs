@@ -18,7 +18,8 @@ use tokio::sync::{mpsc, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, Reply, SessionKey, ViewKey};
 use crate::config::RendererConfig;
-use crate::handle::{RendererError, RendererHandle};
+use crate::error::RendererError;
+use crate::handle::RendererHandle;
 use crate::inspection::{self, Inspection};
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::running_job::{JobState, RunningJob, kernels_of};

@@ -6,7 +6,7 @@ use glam::DVec3;
 use surfelcast_scene::{Camera, Scene};
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::handle::RendererError;
+use crate::error::RendererError;
 use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::lights::SessionLights;

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use surfelcast_gpu::GpuError;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::TechniqueError;
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::command::{Command, CommandReceiver, Picked, SessionKey, ViewKey};
+use crate::error::RendererError;
 use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::lights::SessionLights;
@@ -18,52 +17,6 @@ use crate::view::ViewState;
 
 /// Commands that may wait.
 const COMMAND_CAPACITY: usize = 256;
-
-/// Why the renderer refused or failed.
-#[derive(Debug, Clone, thiserror::Error, PartialEq, Eq)]
-pub enum RendererError {
-    /// The actor has stopped.
-    #[error("the renderer has stopped")]
-    Stopped,
-    /// The command queue or job queue is full.
-    #[error("the renderer is busy: {limit} {what} are waiting already; try again later")]
-    Busy {
-        /// What is waiting.
-        what: &'static str,
-        /// The limit.
-        limit: usize,
-    },
-    /// The scene does not fit beside what is held now.
-    #[error("the scene needs {needed} bytes of device memory, {free} are free; close a session or try again later")]
-    NoMemory {
-        /// Bytes needed.
-        needed: u64,
-        /// Bytes free.
-        free: u64,
-    },
-    /// The scene can never fit this device.
-    #[error("{field} needs {needed} bytes, over the device's limit of {limit}")]
-    SceneTooLarge {
-        /// What is too large.
-        field: String,
-        /// Bytes needed.
-        needed: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// Not possible with this device, technique or scene, or a fault of the device that is not a loss.
-    #[error("{0}")]
-    Unsupported(String),
-    /// The device was lost during the work, which may be sent again.
-    #[error("the render device was lost; the work may be sent again")]
-    DeviceLost,
-    /// Canceled before there was a picture.
-    #[error("the render was canceled")]
-    Canceled,
-    /// No such session or view.
-    #[error("{0} does not exist")]
-    Unknown(&'static str),
-}
 
 /// Talks to the actor. Cheap to clone.
 #[derive(Clone, Debug)]
@@ -206,25 +159,5 @@ impl RendererHandle {
         let (reply, answer) = oneshot::channel();
         self.send(make(reply)).await?;
         answer.await.map_err(|_| RendererError::Stopped)?
-    }
-}
-
-impl From<GpuError> for RendererError {
-    fn from(error: GpuError) -> Self {
-        match error {
-            GpuError::OutOfMemory { needed, free, .. } => Self::NoMemory { needed, free },
-            GpuError::TooLarge { field, needed, limit } => Self::SceneTooLarge { field, needed, limit },
-            error if error.is_device_lost() => Self::DeviceLost,
-            error => Self::Unsupported(error.to_string()),
-        }
-    }
-}
-
-impl From<TechniqueError> for RendererError {
-    fn from(error: TechniqueError) -> Self {
-        match error {
-            TechniqueError::Gpu(error) => error.into(),
-            error @ TechniqueError::Unsupported { .. } => Self::Unsupported(error.to_string()),
-        }
     }
 }

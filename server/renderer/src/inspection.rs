@@ -5,7 +5,7 @@ use surfelcast_gpu::Gpu;
 use surfelcast_techniques::passes::features::features_for;
 use surfelcast_techniques::{FrameView, LightBuffers, MaterialMode, SceneBuffers, SurfelCache};
 
-use crate::handle::RendererError;
+use crate::error::RendererError;
 
 /// One surfel's part in a point's light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]

@@ -7,6 +7,7 @@ mod actor;
 pub mod command;
 pub mod config;
 mod convergence;
+mod error;
 pub mod handle;
 pub mod inspection;
 pub mod job;
@@ -25,7 +26,8 @@ pub use surfelcast_scene as scene;
 pub use actor::start;
 pub use command::{Command, CommandReceiver, SessionKey, ViewKey};
 pub use config::RendererConfig;
-pub use handle::{RendererError, RendererHandle};
+pub use error::RendererError;
+pub use handle::RendererHandle;
 pub use inspection::{Contribution, Inspection};
 pub use job::{
     Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts,

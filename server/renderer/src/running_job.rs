@@ -14,7 +14,7 @@ use surfelcast_techniques::{
 };
 
 use crate::convergence::{FIRST_AUDIT, next_audit};
-use crate::handle::RendererError;
+use crate::error::RendererError;
 use crate::job::{Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass};
 use crate::pace::Pace;
 use crate::scenes::SceneStore;

@@ -16,7 +16,7 @@ use surfelcast_techniques::{
 
 use crate::command::SessionKey;
 use crate::convergence::{FIRST_AUDIT, next_audit};
-use crate::handle::RendererError;
+use crate::error::RendererError;
 use crate::job::{Aov, ErrorEstimate, SkippedPass, SurfelOutput};
 use crate::pace::Pace;
 use crate::running_job::{pass_times, skipped_passes, surface_output};

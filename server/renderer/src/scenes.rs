@@ -8,7 +8,7 @@ use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Scene, SceneId};
 use surfelcast_techniques::SceneBuffers;
 
-use crate::handle::RendererError;
+use crate::error::RendererError;
 
 /// Uploaded scenes by id.
 #[derive(Debug, Default)]
