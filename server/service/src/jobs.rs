@@ -16,9 +16,9 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Bounds;
-use crate::negotiate::Format;
-use crate::problem::ApiError;
-use crate::render_request::ResolvedRender;
+use crate::http::negotiate::Format;
+use crate::http::problem::ApiError;
+use crate::http::render_request::ResolvedRender;
 use crate::state::ServiceState;
 use crate::text::random_id;
 

@@ -18,49 +18,23 @@
 //! # }
 //! ```
 //!
-//! Rooms: `guard` and `cors` (Host, Origin, headers), `listen` (sockets, timeouts), `router` (all routes), `scenes` and
-//! `scene_store`, `renders`, `render_request`, `surfel_request` and `jobs`, `socket` to `outbox` and `points` (one
-//! WebSocket), `sessions` and `lights` (what the views of a scene share), `outputs` (what a view can show).
+//! Modules: `http` (sockets, routes, one file a resource), `live` (the WebSocket connection), and what both share:
+//! `sessions` and `lights` (what the views of a scene have in common), `scene_store`, `jobs`, `validate`.
 
-mod assets;
 mod blocking;
-mod body;
 pub mod config;
-mod connection;
-mod cors;
-mod guard;
-mod health;
-mod idempotency;
-mod inbound;
+mod http;
 mod jobs;
 mod lights;
-mod listen;
-mod multipart;
-mod negotiate;
+mod live;
 mod observe;
-mod openapi;
-mod outbound;
-mod outbox;
-mod outputs;
-mod points;
-mod problem;
-mod rate;
-mod render_request;
-mod renders;
-mod resume;
-mod router;
 mod scene_store;
-mod scenes;
 mod sessions;
-mod socket;
 mod state;
-mod surfel_request;
 mod text;
 mod validate;
-mod welcome;
-mod wishes;
 
 pub use config::{Bounds, ServiceConfig, Timeouts};
-pub use listen::run;
-pub use router::router;
+pub use http::listen::run;
+pub use http::router::router;
 pub use state::{ServiceError, ServiceState};

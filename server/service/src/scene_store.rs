@@ -17,7 +17,7 @@ use surfelcast_renderer::scene::{LoadOptions, Scene, SceneError, SceneLimits, Vi
 
 use crate::blocking::BlockingPool;
 use crate::config::{Bounds, ServiceConfig};
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
 use crate::text::clean_name;
 
 /// Hex digits of a scene id that name its session.

@@ -13,8 +13,8 @@ use tokio::sync::{broadcast, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use crate::http::problem::ApiError;
 use crate::lights::LightSet;
-use crate::problem::ApiError;
 use crate::scene_store::{SceneEntry, SceneMeta};
 use crate::state::ServiceState;
 use crate::validate::Checked;

@@ -13,11 +13,11 @@ use tokio_util::task::TaskTracker;
 
 use crate::blocking::BlockingPool;
 use crate::config::ServiceConfig;
-use crate::guard::content_security_policy;
-use crate::idempotency::IdempotencyKeys;
+use crate::http::guard::content_security_policy;
+use crate::http::idempotency::IdempotencyKeys;
 use crate::jobs::Jobs;
+use crate::live::resume::ResumeTokens;
 use crate::observe;
-use crate::resume::ResumeTokens;
 use crate::scene_store::SceneStore;
 use crate::sessions::Sessions;
 

@@ -6,7 +6,7 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{AdditionalProperties, Object, ObjectBuilder, Schema, Type};
 use utoipa::{Number, PartialSchema, ToSchema};
 
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
 use crate::validate::within;
 
 /// Reads the fields `preset`, `reconstruction` and `surfel`. 400 for what is not well formed, 422 for values that cannot be.

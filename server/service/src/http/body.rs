@@ -9,7 +9,7 @@ use futures_util::StreamExt;
 use tokio::time::Instant;
 
 use crate::config::Timeouts;
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
 
 /// Reads a body piece by piece, enforcing the cap and the rate floor.
 pub(crate) struct BodyReader {

@@ -10,7 +10,7 @@ use axum::http::{HeaderMap, StatusCode};
 use parking_lot::Mutex;
 use tokio::time::Instant;
 
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
 
 const HEADER: &str = "idempotency-key";
 const MAX_KEY: usize = 128;

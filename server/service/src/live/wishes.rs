@@ -7,7 +7,7 @@ use surfelcast_renderer::scene::{Camera, Scene};
 use surfelcast_renderer::{Aov, ViewState};
 use surfelcast_stream::QualityLimits;
 
-use crate::outputs::live_by_name;
+use crate::live::outputs::live_by_name;
 use crate::validate::{Checked, EXPOSURE, view_size, within};
 
 /// Size of a view that has not said one.
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(say(Some(Some("depth"))), Some(Aov::Depth));
         assert_eq!(say(None), Some(Aov::Depth), "absent fields stay");
         assert_eq!(say(Some(None)), None, "null goes back to radiance");
-        for (name, aov) in crate::outputs::live() {
+        for (name, aov) in crate::live::outputs::live() {
             assert_eq!(say(Some(Some(name))), Some(aov));
         }
     }

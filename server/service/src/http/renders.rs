@@ -14,16 +14,16 @@ use surfelcast_renderer::{Aov, DeviceState, ErrorEstimate, RenderOutput};
 use utoipa::ToSchema;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
-use crate::body::{BodyReader, media_type};
-use crate::idempotency::Begin;
+use crate::http::body::{BodyReader, media_type};
+use crate::http::idempotency::Begin;
+use crate::http::negotiate::{Format, choose, is_none_match_hit, prefer_wait};
+use crate::http::problem::ApiError;
+use crate::http::render_request::RenderSpec;
+use crate::http::scenes::draining;
+use crate::http::surfel_request::{SurfelKnobs, preset_schema, reconstruction_schema};
 use crate::jobs::{Job, JobState};
-use crate::negotiate::{Format, choose, is_none_match_hit, prefer_wait};
-use crate::problem::ApiError;
-use crate::render_request::RenderSpec;
 use crate::scene_store::unknown_scene;
-use crate::scenes::draining;
 use crate::state::ServiceState;
-use crate::surfel_request::{SurfelKnobs, preset_schema, reconstruction_schema};
 
 /// A render as a resource.
 #[derive(Debug, Serialize, ToSchema)]

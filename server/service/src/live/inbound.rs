@@ -13,9 +13,9 @@ use surfelcast_renderer::scene::Camera;
 use surfelcast_stream::Stage;
 use tokio::sync::mpsc;
 
-use crate::connection::{Connection, Ending, push_bounded};
-use crate::points::PointQuestion;
-use crate::rate::TokenBucket;
+use crate::live::connection::{Connection, Ending, push_bounded};
+use crate::live::points::PointQuestion;
+use crate::live::rate::TokenBucket;
 use crate::validate::camera;
 
 /// Messages that are no messages, until the connection ends.
@@ -292,7 +292,7 @@ fn stale() -> Refusal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wishes::Wishes;
+    use crate::live::wishes::Wishes;
 
     #[test]
     fn serial_numbers_wrap() {

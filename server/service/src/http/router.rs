@@ -7,9 +7,10 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post};
 
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
+use crate::http::{assets, guard, health, openapi, renders, scenes};
+use crate::live::socket;
 use crate::state::ServiceState;
-use crate::{assets, guard, health, openapi, renders, scenes, socket};
 
 /// A path, the methods it answers, and its handlers. The path is in OpenAPI's notation.
 pub(crate) struct Route {

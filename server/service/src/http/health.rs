@@ -8,7 +8,7 @@ use serde::Serialize;
 use surfelcast_renderer::DeviceInfo;
 use utoipa::ToSchema;
 
-use crate::problem::ApiError;
+use crate::http::problem::ApiError;
 use crate::state::ServiceState;
 
 /// Versions of the parts.

@@ -15,10 +15,10 @@ use surfelcast_protocol::parse::parse_client;
 use surfelcast_protocol::{SUBPROTOCOL, VERSION, close};
 use surfelcast_renderer::RendererError;
 
-use crate::connection::{Connection, Ending};
-use crate::listen::ConnectionInfo;
-use crate::outbox::{Outbox, Progress};
-use crate::problem::ApiError;
+use crate::http::connection_info::ConnectionInfo;
+use crate::http::problem::ApiError;
+use crate::live::connection::{Connection, Ending};
+use crate::live::outbox::{Outbox, Progress};
 use crate::sessions::JoinError;
 use crate::state::ServiceState;
 

@@ -8,7 +8,7 @@ use parking_lot::Mutex;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::wishes::Wishes;
+use crate::live::wishes::Wishes;
 
 /// What a token stands for.
 #[derive(Clone, Debug)]

@@ -12,8 +12,8 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use rust_embed::{Embed, EmbeddedFile};
 
-use crate::negotiate::{accepts_gzip, is_none_match_hit};
-use crate::problem::ApiError;
+use crate::http::negotiate::{accepts_gzip, is_none_match_hit};
+use crate::http::problem::ApiError;
 
 #[derive(Embed)]
 #[folder = "../../web-client"]

@@ -21,20 +21,14 @@ use tokio::time::{Instant, Sleep};
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use crate::router::router;
+use crate::http::connection_info::ConnectionInfo;
+use crate::http::router::router;
 use crate::state::ServiceState;
 
 /// Pause after a failed accept, so that running out of file descriptors does not spin.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// How often metrics fold their samples.
 const UPKEEP: Duration = Duration::from_secs(5);
-
-/// What a request handler may know of its connection.
-#[derive(Clone, Debug)]
-pub(crate) struct ConnectionInfo {
-    /// Bytes the socket has taken so far; WebSocket connections watch it to tell slow from stuck.
-    pub(crate) written: Arc<AtomicU64>,
-}
 
 /// Serves until `shutdown`, then drains: readiness fails, WebSocket clients are told and closed with 1012, requests in
 /// flight may finish until the drain deadline. Returns when all connections have ended or the deadline has passed.

@@ -13,7 +13,7 @@ use surfelcast_renderer::{ErrorEstimate, Frame, FrameKind};
 use surfelcast_stream::{Quality, QualityLoop, Stage, StreamError, choose_encoding, encode};
 use tokio::sync::mpsc;
 
-use crate::connection::{Connection, Ending, push_bounded};
+use crate::live::connection::{Connection, Ending, push_bounded};
 
 /// Least time between two `stats`.
 const STATS_INTERVAL: Duration = Duration::from_millis(500);

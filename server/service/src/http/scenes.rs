@@ -11,9 +11,9 @@ use serde::Serialize;
 use tokio::io::AsyncWriteExt;
 use utoipa::ToSchema;
 
-use crate::body::{BodyReader, media_type};
-use crate::multipart::Multipart;
-use crate::problem::ApiError;
+use crate::http::body::{BodyReader, media_type};
+use crate::http::multipart::Multipart;
+use crate::http::problem::ApiError;
 use crate::scene_store::{SceneEntry, unknown_scene};
 use crate::state::ServiceState;
 

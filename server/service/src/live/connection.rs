@@ -23,14 +23,14 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::inbound::Inbound;
-use crate::outbound::{Encoded, Outbound};
-use crate::outbox::{Outbox, Overflow};
-use crate::resume::{Resumable, TooSoon};
+use crate::live::inbound::Inbound;
+use crate::live::outbound::{Encoded, Outbound};
+use crate::live::outbox::{Outbox, Overflow};
+use crate::live::resume::{Resumable, TooSoon};
+use crate::live::wishes::Wishes;
 use crate::sessions::Member;
 use crate::state::ServiceState;
 use crate::text::{clean_name, random_id};
-use crate::wishes::Wishes;
 
 /// The first frame waits this long for the client to say its size.
 const FIRST_SIZE_PATIENCE: Duration = Duration::from_millis(250);

@@ -13,8 +13,8 @@ use surfelcast_renderer::scene::{Camera, Scene};
 use surfelcast_renderer::{Aov, DEFAULT_TECHNIQUE, MaterialMode, RenderJob, RendererStatus, StopRules, SurfelSettings};
 
 use crate::config::Bounds;
-use crate::problem::ApiError;
-use crate::surfel_request::surfel_settings;
+use crate::http::problem::ApiError;
+use crate::http::surfel_request::surfel_settings;
 use crate::validate::{EXPOSURE, camera, within};
 
 /// Samples a pixel of a render that names no stop rule.

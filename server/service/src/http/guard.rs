@@ -12,8 +12,8 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use crate::config::ServiceConfig;
-use crate::cors;
-use crate::problem::ApiError;
+use crate::http::cors;
+use crate::http::problem::ApiError;
 use crate::state::ServiceState;
 
 /// Refuses foreign hosts and origins, then adds the security headers to whatever is answered.

@@ -4,8 +4,8 @@
 use axum::http::{HeaderMap, header};
 use bytes::{Bytes, BytesMut};
 
-use crate::body::{BodyReader, too_large};
-use crate::problem::ApiError;
+use crate::http::body::{BodyReader, too_large};
+use crate::http::problem::ApiError;
 
 /// Longest boundary (RFC 2046).
 const MAX_BOUNDARY: usize = 70;

@@ -6,7 +6,7 @@ use surfelcast_protocol::server::{SessionInfo, TechniqueInfo, Welcome};
 use surfelcast_protocol::settings::NamedPose;
 use surfelcast_renderer::RendererStatus;
 
-use crate::connection::Connection;
+use crate::live::connection::Connection;
 use crate::validate::pose_of;
 
 impl Connection {
@@ -38,7 +38,7 @@ impl Connection {
             },
             limits: self.state.config().limits,
             techniques: status.techniques.iter().map(technique).collect(),
-            outputs: crate::outputs::offered(),
+            outputs: crate::live::outputs::offered(),
             cameras: scene.cameras.iter().map(named).collect(),
             center: (scene.origin + scene.bounds.center().as_dvec3()).to_array(),
             radius: f64::from(scene.bounds.radius()),

@@ -4,9 +4,9 @@ use surfelcast_protocol::inspection::{Contribution, Inspection};
 use surfelcast_protocol::server::ServerMessage;
 use surfelcast_renderer::{RendererError, RendererHandle, SessionKey};
 
-use crate::connection::{Connection, POINT_QUESTIONS};
-use crate::inbound::{Refusal, check_view, invalid};
-use crate::outbound::AckedView;
+use crate::live::connection::{Connection, POINT_QUESTIONS};
+use crate::live::inbound::{Refusal, check_view, invalid};
+use crate::live::outbound::AckedView;
 use crate::validate::within;
 
 /// What is asked about a point.
