@@ -10,12 +10,12 @@ use anyhow::{Context as _, Result, bail, ensure};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use surfelcast_gpu::{Gpu, GpuError, GpuOptions, PassTime};
+use surfelcast_passes::features::features_for;
 use surfelcast_scene::trace::closest_hit;
 use surfelcast_scene::{LoadOptions, Scene, ViewFile, demo, load_bytes, pack_octahedral};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck::Zeroable;
 use surfelcast_shaders::records::{SurfelLight, SurfelRecord};
-use surfelcast_techniques::passes::features::features_for;
 use surfelcast_techniques::{
     Apply, ExportedSurfel, FULL_TRUST, FrameView, LightBuffers, LightState, MaterialMode, Reconstruction, SceneBuffers,
     SurfelCache, SurfelSettings, TechniqueError,

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use glam::{DVec3, Vec3};
 use surfelcast_gpu::{Gpu, GpuOptions};
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, LoadOptions, PunctualKind, PunctualLight, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_stream::{Codec, Quality, encode, tone_map_to_rgba8};
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

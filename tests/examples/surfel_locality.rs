@@ -11,10 +11,11 @@ use std::fs;
 use anyhow::{Context as _, Result};
 use glam::{DQuat, DVec3};
 use surfelcast_gpu::{Gpu, GpuOptions};
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::surfel::Initial;
-use surfelcast_techniques::technique::{StepBudget, TechniqueOptions};
+use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
     Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelOutput,
     SurfelSettings, registry,

@@ -9,8 +9,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use surfelcast_gpu::{Gpu, GpuOptions};
+use surfelcast_passes::features::general_features;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::passes::features::general_features;
 use surfelcast_techniques::{
     Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use surfelcast_gpu::Gpu;
-use surfelcast_techniques::passes::features::features_for;
+use surfelcast_passes::features::features_for;
 use surfelcast_techniques::{FrameView, LightBuffers, MaterialMode, SceneBuffers, SurfelCache};
 
 use crate::error::RendererError;

@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
+use surfelcast_passes::merge_passes;
+use surfelcast_passes::step::StepBudget;
+use surfelcast_passes::{features, first_surface};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_techniques::passes::merge_passes;
-use surfelcast_techniques::passes::{features, first_surface};
-use surfelcast_techniques::technique::{Conformance, StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Conformance, Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry,
 };

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use surfelcast_gpu::Gpu;
+use surfelcast_passes::first_surface;
+use surfelcast_passes::merge_passes;
+use surfelcast_passes::step::StepBudget;
+use surfelcast_passes::tone_map::tone_map;
 use surfelcast_shaders::Feature;
-use surfelcast_techniques::passes::first_surface;
-use surfelcast_techniques::passes::merge_passes;
-use surfelcast_techniques::passes::tone_map::tone_map;
-use surfelcast_techniques::technique::{Change, StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Change, Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

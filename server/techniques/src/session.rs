@@ -5,9 +5,10 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use surfelcast_gpu::{Gpu, GpuError};
 
-use crate::passes::upload::SceneBuffers;
 use crate::surfel::{SnapshotIdentity, SurfelCache, SurfelSettings};
-use crate::technique::{Change, MaterialMode};
+use crate::technique::Change;
+use surfelcast_passes::materials::MaterialMode;
+use surfelcast_passes::upload::SceneBuffers;
 
 /// State of a session beside its scene and lights. A batch render has one of its own.
 #[derive(Debug, Default)]

@@ -7,21 +7,13 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_scene::SceneSummary;
 use surfelcast_shaders::Features;
 
-use crate::passes::frame::FrameView;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
 use crate::session::SessionState;
 use crate::surfel::{EarlierFrame, SurfelCache, SurfelSettings};
-
-/// How surfaces scatter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum MaterialMode {
-    /// glTF metallic-roughness with its extensions.
-    #[default]
-    Pbr,
-    /// Two-sided Lambertian of the base colour.
-    Lambert,
-}
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::materials::MaterialMode;
+use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_passes::upload::SceneBuffers;
 
 /// What changed since the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,33 +71,6 @@ pub enum TechniqueError {
         /// What is missing.
         reason: String,
     },
-}
-
-/// How much one step may do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StepBudget {
-    /// Paths aimed at: samples times pixels. The caller derives it from the rate it measured, so that a step ends soon
-    /// and others get their turn.
-    pub max_paths: u64,
-    /// Samples a pixel at which the caller will look at the picture next; the technique does not go past it.
-    pub until_samples: u32,
-    /// Largest number of samples a batch over all pixels may take. Fixed numbers keep pictures reproducible.
-    pub max_batch: u32,
-}
-
-/// What a step did.
-#[derive(Clone, Debug, Default)]
-pub struct Step {
-    /// Whether all pixels now have the same number of samples.
-    pub is_whole: bool,
-    /// Paths traced.
-    pub paths: u64,
-    /// Rays: primary, secondary, shadow.
-    pub rays: [u64; 3],
-    /// Samples that were not finite.
-    pub non_finite: u64,
-    /// Passes with their times.
-    pub passes: Vec<surfelcast_gpu::PassTime>,
 }
 
 /// A technique at work on one picture. Owns its history.

@@ -3,10 +3,10 @@
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions, MemoryKind};
-use surfelcast_shaders::layout::bytemuck;
-use surfelcast_techniques::passes::poisson::{
+use surfelcast_passes::poisson::{
     Norm, PoissonProblem, PoissonReport, PoissonSettings, PoissonSolver, Preconditioner, Solver, Start,
 };
+use surfelcast_shaders::layout::bytemuck;
 
 /// A problem on the host: colours and weights as the device has them.
 struct Problem {

@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, path, registry,
 };

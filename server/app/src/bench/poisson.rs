@@ -11,10 +11,11 @@ use clap::Args;
 use serde::Serialize;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::chart::{Chart, ChartPoint, Series};
+use surfelcast_passes::poisson::{PoissonSettings, Preconditioner, Solver, Start};
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{LoadOptions, ViewFile, demo, load_bytes};
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
-use surfelcast_techniques::passes::poisson::{PoissonSettings, Preconditioner, Solver, Start};
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

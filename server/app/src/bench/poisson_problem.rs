@@ -1,7 +1,7 @@
 //! Poisson problems that are made up, on the device, and solving them with a look at every iteration.
 
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
-use surfelcast_techniques::passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
+use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
 
 use crate::failure::Failure;
 

@@ -8,10 +8,11 @@ use std::time::Instant;
 
 use surfelcast_gpu::{Buffer, Gpu, PassTime};
 use surfelcast_measure::{Mode, Picture};
+use surfelcast_passes::merge_passes;
+use surfelcast_passes::step::StepBudget;
 use surfelcast_renderer::Pace;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::passes::merge_passes;
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,
     registry,

@@ -13,17 +13,16 @@ use surfelcast_shaders::constants::GRADIENT_SCREEN;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::GradientUniforms;
 
-use crate::passes::batches::Batches;
-use crate::passes::features::{features_for, general_features};
-use crate::passes::frame::FrameView;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::poisson::{Norm, PoissonProblem, PoissonSettings, PoissonSolver};
-use crate::passes::upload::SceneBuffers;
-use crate::passes::{counters, merge_passes, workgroups_of};
-use crate::technique::{
-    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
-};
+use crate::technique::{Change, Conformance, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};
+use surfelcast_passes::batches::Batches;
+use surfelcast_passes::features::{features_for, general_features};
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::poisson::{Norm, PoissonProblem, PoissonSettings, PoissonSolver};
+use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::{counters, merge_passes, workgroups_of};
 
 /// Registry line of the least-squares reconstruction.
 pub const ENTRY: TechniqueEntry = TechniqueEntry {

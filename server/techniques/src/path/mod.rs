@@ -6,15 +6,14 @@
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_shaders::Features;
 
-use crate::passes::features::{features_for, general_features};
-use crate::passes::frame::FrameView;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::path_samples::{KERNEL, PathSamples};
-use crate::passes::upload::SceneBuffers;
-use crate::technique::{
-    Change, Conformance, Step, StepBudget, Technique, TechniqueEntry, TechniqueError, TechniqueOptions,
-};
+use crate::technique::{Change, Conformance, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};
+use surfelcast_passes::features::{features_for, general_features};
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::path_samples::{KERNEL, PathSamples};
+use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_passes::upload::SceneBuffers;
 
 /// Registry line.
 pub const ENTRY: TechniqueEntry = TechniqueEntry {

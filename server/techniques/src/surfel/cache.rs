@@ -7,12 +7,12 @@ use surfelcast_shaders::records::{
     FirstHit, SurfelEdge, SurfelLight, SurfelOutput, SurfelRay, SurfelRecord, SurfelUniforms, surfel_switches,
 };
 
-use crate::passes::counters;
-use crate::passes::scan::Scan;
-use crate::passes::upload::SceneBuffers;
 use crate::surfel::graph::SurfelGraph;
 use crate::surfel::grid::GridShape;
 use crate::surfel::settings::{Estimator, Grid, SurfelSettings};
+use surfelcast_passes::counters;
+use surfelcast_passes::scan::Scan;
+use surfelcast_passes::upload::SceneBuffers;
 
 /// Smallest and largest capacity.
 const CAPACITY_RANGE: [u32; 2] = [1 << 16, 1 << 22];

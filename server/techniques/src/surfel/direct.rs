@@ -4,10 +4,10 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind};
 use surfelcast_shaders::constants::{KEEPS_DIFFUSE_LIGHT, REUSE_TURN_MASK};
 use surfelcast_shaders::records::FrameUniforms;
 
-use crate::passes::lights::LightBuffers;
 use crate::surfel::filter::{LightFilter, Unfiltered};
 use crate::surfel::reuse::{EarlierFrame, Reuse, has_noise};
 use crate::technique::{Change, TechniqueOptions};
+use surfelcast_passes::lights::LightBuffers;
 
 /// What a picture keeps to show direct light with less noise than its samples have.
 #[derive(Debug)]

@@ -3,11 +3,12 @@
 use surfelcast_gpu::{Graph, Ticket};
 use surfelcast_shaders::layout::bytemuck;
 
-use crate::passes::kernels::KernelSet;
-use crate::passes::{merge_passes, workgroups_of};
 use crate::surfel::cache::{ENTRIES_PER_SURFEL, SurfelCache};
 use crate::surfel::work::{Work, u32_of};
-use crate::technique::{Step, TechniqueError};
+use crate::technique::TechniqueError;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::{merge_passes, workgroups_of};
 
 /// Entries of the trapezoidal grid for each surfel that fits, and cells that a single one is filed in, at most.
 const MOST_ENTRIES_PER_SURFEL: u64 = 32;

@@ -6,14 +6,15 @@ use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Zeroable as _};
 use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
 
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::{SurfelCache, UpdateStage};
 use crate::surfel::settings::SurfelSettings;
 use crate::surfel::snapshot::ExportedSurfel;
 use crate::surfel::work::Work;
-use crate::technique::{Step, TechniqueError};
+use crate::technique::TechniqueError;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::upload::SceneBuffers;
 
 /// What filing takes.
 const FILING: &[&str] =

@@ -5,7 +5,7 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FilterUniforms, FrameUniforms};
 
-use crate::passes::workgroups_of;
+use surfelcast_passes::workgroups_of;
 
 /// Samples of a pixel up to which its light is filtered as far as it is noise. The filter then fades until there are twice as
 /// many, and pictures pay nothing more for it.

@@ -8,13 +8,13 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind, PassBuilder};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FirstHit, SurfelEdge, SurfelUniforms};
 
-use crate::passes::kernels::KernelSet;
-use crate::passes::workgroups_of;
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::settings::Reconstruction;
 use crate::surfel::snapshot::read;
 use crate::surfel::work::Work;
 use crate::technique::TechniqueError;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::workgroups_of;
 
 /// What every reconstruction runs.
 pub(crate) const KERNELS: &[&str] =

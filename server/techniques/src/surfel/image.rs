@@ -9,13 +9,14 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, SurfelUniforms};
 use surfelcast_shaders::{Feature, Features};
 
-use crate::passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
-use crate::passes::{merge_passes, workgroups_of};
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::graph::SurfelGraph;
 use crate::surfel::settings::{ImageScheme, Reconstruction};
 use crate::surfel::work::Work;
-use crate::technique::{Step, TechniqueError, TechniqueOptions};
+use crate::technique::{TechniqueError, TechniqueOptions};
+use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
+use surfelcast_passes::step::Step;
+use surfelcast_passes::{merge_passes, workgroups_of};
 
 /// What it runs beside the graph's kernels.
 pub(crate) const KERNELS: &[&str] = &["image_slopes", "image_gather"];

@@ -5,11 +5,11 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SurfelContribution;
 
-use crate::passes::frame::FrameView;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
-use crate::passes::workgroups_of;
 use crate::surfel::cache::SurfelCache;
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::workgroups_of;
 
 /// Output of a look; numbers are those of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

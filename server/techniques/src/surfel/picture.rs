@@ -11,12 +11,6 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
 
-use crate::passes::features::{features_for, general_features};
-use crate::passes::frame::FrameView;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
-use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::session::SessionState;
 use crate::surfel::cache::{SurfelCache, UpdateStage, cache_camera};
 use crate::surfel::direct::DirectLight;
@@ -27,7 +21,14 @@ use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::spawn::Asking;
 use crate::surfel::splat::Splat;
 use crate::surfel::work::{Work, count_rays};
-use crate::technique::{Change, Step, StepBudget, Technique, TechniqueError, TechniqueOptions};
+use crate::technique::{Change, Technique, TechniqueError, TechniqueOptions};
+use surfelcast_passes::features::{features_for, general_features};
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::{counters, merge_passes, workgroups_of};
 
 /// Rays of an update at least: a tiny picture still has a whole scene behind it.
 const FEWEST_RAYS: u32 = 4096;

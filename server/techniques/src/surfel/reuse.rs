@@ -6,8 +6,8 @@ use surfelcast_shaders::constants::{HAS_EARLIER_FRAME, REUSED_FRAMES};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{DirectHistory, FrameUniforms};
 
-use crate::passes::lights::LightBuffers;
-use crate::passes::workgroups_of;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::workgroups_of;
 
 /// Point lights up to this number are all asked in every frame, which leaves no noise.
 const EXACT_LIGHTS: u32 = 4;

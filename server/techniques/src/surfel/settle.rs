@@ -16,14 +16,15 @@ use surfelcast_shaders::constants::SETTLE_TILE;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SettleUniforms;
 
-use crate::passes::features::general_features;
-use crate::passes::frame::FrameView;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::path_samples::{KERNEL, PathSamples};
-use crate::passes::upload::SceneBuffers;
-use crate::passes::{merge_passes, workgroups_of};
-use crate::technique::{Step, StepBudget, TechniqueOptions};
+use crate::technique::TechniqueOptions;
+use surfelcast_passes::features::general_features;
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::path_samples::{KERNEL, PathSamples};
+use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::{merge_passes, workgroups_of};
 
 /// Frames before the first path is traced: pictures of a gesture, and quick previews, pay nothing.
 pub(super) const FRAMES_BEFORE: u32 = 8;

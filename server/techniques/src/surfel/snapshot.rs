@@ -15,10 +15,10 @@ use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
 use surfelcast_shaders::records::{SurfelEdge, SurfelLight, SurfelOutput, SurfelRecord};
 
-use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::graph::EDGE_SLOTS;
 use crate::surfel::settings::SurfelSettings;
+use surfelcast_passes::upload::SceneBuffers;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
 /// Raised whenever the meaning of a byte changes.

@@ -7,11 +7,12 @@ use surfelcast_shaders::constants::{SPAWN_FINE_TILE, SPAWN_TILE, SURFEL_HIT_CAND
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{SurfelRecord, SurfelUniforms, surfel_switches};
 
-use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::settings::Initial;
 use crate::surfel::work::{Work, count_rays, u32_of};
-use crate::technique::{Step, TechniqueError};
+use crate::technique::TechniqueError;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::{counters, merge_passes, workgroups_of};
 
 /// Radius in pixels up to which new surfels of fine tiles keep their distance: neighbouring ones compare theirs.
 const FINE_RADIUS: f32 = 6.0;

@@ -5,12 +5,12 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
 use surfelcast_shaders::{Feature, Features};
 
-use crate::passes::frame::FrameView;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
-use crate::passes::workgroups_of;
 use crate::surfel::cache::{SurfelCache, cache_camera};
 use crate::surfel::settings::Apply;
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::workgroups_of;
 
 /// What the sums of a picture are drawn with and into.
 #[derive(Debug)]

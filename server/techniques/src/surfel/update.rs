@@ -7,12 +7,13 @@ use surfelcast_shaders::constants::SURFEL_RAY_BINS;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
 
-use crate::passes::kernels::KernelSet;
-use crate::passes::{counters, merge_passes, workgroups_of};
 use crate::surfel::cache::{SurfelCache, UpdateStage};
 use crate::surfel::graph::SurfelGraph;
 use crate::surfel::work::{Work, count_rays, u32_of};
-use crate::technique::{Step, TechniqueError};
+use crate::technique::TechniqueError;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::{counters, merge_passes, workgroups_of};
 
 /// An update waits where it has less than a ray for so many living surfels, and so many wait one after the other at most.
 const SURFELS_PER_RAY: u32 = 16;

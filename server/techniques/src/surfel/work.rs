@@ -2,12 +2,12 @@
 
 use surfelcast_gpu::{Gpu, PassBuilder};
 
-use crate::passes::counters;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
 use crate::surfel::cache::SurfelCache;
-use crate::technique::Step;
+use surfelcast_passes::counters;
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::upload::SceneBuffers;
 
 /// What a pass over the cache works with.
 pub(crate) struct Work<'a> {

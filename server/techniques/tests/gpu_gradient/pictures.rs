@@ -1,7 +1,7 @@
 //! What comes out of the reconstruction.
 
+use surfelcast_passes::poisson::Norm;
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
-use surfelcast_techniques::passes::poisson::Norm;
 use surfelcast_techniques::technique::{Technique as _, TechniqueOptions};
 use surfelcast_techniques::{LightState, MaterialMode};
 

@@ -1,9 +1,10 @@
 //! Renders small pictures.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
+use surfelcast_passes::step::{Step, StepBudget};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
-use surfelcast_techniques::technique::{Step, StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

@@ -1,6 +1,7 @@
 //! Lights change, cameras come and go, and what is settled costs nothing.
 
-use surfelcast_techniques::technique::{StepBudget, Technique};
+use surfelcast_passes::step::StepBudget;
+use surfelcast_techniques::technique::Technique;
 use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState, SurfelSettings};
 
 use crate::rig::{Rig, camera, gpu, mean, rmse};

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_techniques::technique::{StepBudget, Technique, TechniqueOptions};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
     FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };

@@ -1,9 +1,10 @@
 //! A picture at rest becomes the path-traced truth, and is never much worse than the better of its two halves on the way.
 
 use surfelcast_gpu::Gpu;
+use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::surfel::{Estimator, Reconstruction};
-use surfelcast_techniques::technique::{Change, StepBudget, Technique};
+use surfelcast_techniques::technique::{Change, Technique};
 use surfelcast_techniques::{FrameView, SurfelSettings};
 
 use crate::reconstruction::room;

@@ -1,16 +1,19 @@
-//! Passes that every technique may use.
+//! Passes that any rendering technique may use: scene upload, light table, frame uniforms, batches of samples, first-surface
+//! outputs, error audit, image-space Poisson solver, tone map. None of them knows a technique.
 
 pub mod audit;
-pub(crate) mod batches;
+pub mod batches;
 pub mod counters;
 pub mod features;
 pub mod first_surface;
 pub mod frame;
-pub(crate) mod kernels;
+pub mod kernels;
 pub mod lights;
-pub(crate) mod path_samples;
+pub mod materials;
+pub mod path_samples;
 pub mod poisson;
 pub mod scan;
+pub mod step;
 pub mod tone_map;
 pub mod upload;
 
@@ -29,8 +32,9 @@ pub fn merge_passes(into: &mut Vec<PassTime>, from: Vec<PassTime>) {
     }
 }
 
-/// Workgroups of 64 threads for so many pixels, in rows of at most 65,535: no device has to take more in one dimension.
-pub(crate) fn workgroups_of(pixel_count: u32) -> [u32; 3] {
+/// Workgroups of 64 threads that cover `pixel_count` pixels, in rows of at most 65,535, the limit of one dimension that
+/// every device supports.
+pub fn workgroups_of(pixel_count: u32) -> [u32; 3] {
     let groups = pixel_count.div_ceil(64);
     let rows = groups.div_ceil(65_535).max(1);
     [groups.div_ceil(rows), rows, 1]

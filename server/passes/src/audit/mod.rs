@@ -20,12 +20,12 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::AuditUniforms;
 
-use crate::passes::audit::estimate::{Evidence, STREAMS, evaluate};
-use crate::passes::audit::pixels::{AuditPixel, audit_pixels};
-use crate::passes::counters;
-use crate::passes::frame::FrameView;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
+use crate::audit::estimate::{Evidence, STREAMS, evaluate};
+use crate::audit::pixels::{AuditPixel, audit_pixels};
+use crate::counters;
+use crate::frame::FrameView;
+use crate::lights::LightBuffers;
+use crate::upload::SceneBuffers;
 
 /// Threads that share one half's samples.
 const LANES: u32 = STREAMS as u32 / 2;
@@ -162,7 +162,7 @@ impl Audit {
         let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(values)?);
         let means: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&report.take(means)?);
         let sums: Vec<f32> = bytemuck::pod_collect_to_vec(&report.take(sums)?);
-        crate::passes::merge_passes(&mut result.passes, report.passes);
+        crate::merge_passes(&mut result.passes, report.passes);
         let predicted = sums.iter().map(|&sum| f64::from(sum)).sum::<f64>() / f64::from(pixel_count);
         let evidence = Evidence { pixels: &self.pixels, values: &values, means: &means, predicted, exposure };
         evaluate(&evidence, &mut result);
@@ -201,7 +201,7 @@ impl Audit {
         }
         result.non_finite += counts.non_finite;
         self.lane_samples += count;
-        crate::passes::merge_passes(&mut result.passes, report.passes);
+        crate::merge_passes(&mut result.passes, report.passes);
         Ok(())
     }
 }

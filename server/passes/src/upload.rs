@@ -154,8 +154,8 @@ impl SceneBuffers {
         })
     }
 
-    /// Triangles and instances that something can be attached to.
-    pub(crate) fn attachment_counts(&self) -> [u32; 2] {
+    /// Numbers of triangles and of instances: what surfels and the like can be attached to.
+    pub fn attachment_counts(&self) -> [u32; 2] {
         let count = |buffer: &Buffer, bytes_each: usize| (buffer.size_bytes() / bytes_each as u64) as u32;
         [count(&self.bvh_triangles, size_of::<BvhTriangle>()), count(&self.instances, size_of::<InstanceRecord>())]
     }

@@ -5,8 +5,8 @@ use surfelcast_scene::Camera;
 use surfelcast_shaders::Features;
 use surfelcast_shaders::records::FrameUniforms;
 
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
+use crate::lights::LightBuffers;
+use crate::upload::SceneBuffers;
 
 /// Bounces after which a path is cut. Roulette ends nearly all long before; the bound keeps a dispatch finite between
 /// perfectly white walls.

@@ -3,11 +3,11 @@
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind, PassTime};
 use surfelcast_shaders::layout::bytemuck;
 
-use crate::passes::features::features_for;
-use crate::passes::frame::FrameView;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
-use crate::technique::MaterialMode;
+use crate::features::features_for;
+use crate::frame::FrameView;
+use crate::lights::LightBuffers;
+use crate::materials::MaterialMode;
+use crate::upload::SceneBuffers;
 
 /// Output of the pass; numbers are those of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use surfelcast_shaders::Features;
 
 /// Kernels by name.
 #[derive(Clone, Debug)]
-pub(crate) struct KernelSet {
+pub struct KernelSet {
     /// Variant that fits.
     features: Features,
     running: Features,
@@ -15,7 +15,7 @@ pub(crate) struct KernelSet {
 
 impl KernelSet {
     /// The fitting variants, compiled now if `waits`; otherwise the general ones until those are ready.
-    pub(crate) fn new(
+    pub fn new(
         gpu: &Gpu,
         names: Vec<&'static str>,
         features: Features,
@@ -29,7 +29,7 @@ impl KernelSet {
     }
 
     /// Changes to the fitting variants as soon as all are compiled.
-    pub(crate) fn refresh(&mut self, gpu: &Gpu) {
+    pub fn refresh(&mut self, gpu: &Gpu) {
         if self.running == self.features {
             return;
         }
@@ -45,17 +45,17 @@ impl KernelSet {
     }
 
     /// Variant in use.
-    pub(crate) fn running(&self) -> Features {
+    pub fn running(&self) -> Features {
         self.running
     }
 
     /// Variant that fits the scene.
-    pub(crate) fn features(&self) -> Features {
+    pub fn features(&self) -> Features {
         self.features
     }
 
     /// A kernel of the set.
-    pub(crate) fn get(&self, name: &str) -> Result<&Kernel, GpuError> {
+    pub fn get(&self, name: &str) -> Result<&Kernel, GpuError> {
         let index = self.names.iter().position(|known| *known == name);
         index.and_then(|index| self.kernels.get(index)).ok_or_else(|| GpuError::Validation {
             context: "kernels of a technique".to_owned(),

@@ -1,4 +1,4 @@
-//! Path-traced samples of a picture: one unbiased estimate for each pixel and no reuse between them.
+//! Path-traced samples of an image: one unbiased estimate for each pixel and no reuse between them.
 //!
 //! Light transport is described in `shaders/techniques/path/vertex.wesl`; samples are taken in batches (`batches.rs`).
 
@@ -6,39 +6,34 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 
-use crate::passes::batches::Batches;
-use crate::passes::frame::FrameView;
-use crate::passes::kernels::KernelSet;
-use crate::passes::lights::LightBuffers;
-use crate::passes::upload::SceneBuffers;
-use crate::passes::{counters, workgroups_of};
-use crate::technique::{Step, StepBudget};
+use crate::batches::Batches;
+use crate::frame::FrameView;
+use crate::kernels::KernelSet;
+use crate::lights::LightBuffers;
+use crate::step::{Step, StepBudget};
+use crate::upload::SceneBuffers;
+use crate::{counters, workgroups_of};
 
-/// The kernel that takes them.
-pub(crate) const KERNEL: &str = "path_trace";
+/// The kernel that traces them.
+pub const KERNEL: &str = "path_trace";
 
-/// A picture's samples so far.
-pub(crate) struct PathSamples {
+/// The path-traced samples of one image.
+#[derive(Debug)]
+pub struct PathSamples {
     kernels: KernelSet,
     seed: u64,
     /// `vec4f` a pixel: mean radiance, sum of squared deviations of the samples' luminance. Lives as long as its owner.
     accumulation: Buffer,
     /// Rays by kind and samples that were not finite, of one dispatch.
     counters: Buffer,
-    /// `vec4f` a pixel each: light that bounced at most once, and B. Only where asked for.
+    /// `vec4f` a pixel each: light that bounced at most once, and irradiance over pi. Only where requested.
     split: Option<(Buffer, Buffer)>,
     batches: Batches,
 }
 
 impl PathSamples {
-    /// None yet, of a picture of that size. `kernels` has [`KERNEL`] in it.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        kernels: KernelSet,
-        size: [u32; 2],
-        is_split: bool,
-        seed: u64,
-    ) -> Result<Self, GpuError> {
+    /// No samples yet, for an image of this size. `kernels` must contain [`KERNEL`].
+    pub fn new(gpu: &Gpu, kernels: KernelSet, size: [u32; 2], is_split: bool, seed: u64) -> Result<Self, GpuError> {
         let pixel_count = u64::from(size[0]) * u64::from(size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixel_count * 16);
         let split =
@@ -54,7 +49,7 @@ impl PathSamples {
     }
 
     /// Takes the next samples that the budget allows and waits for them.
-    pub(crate) fn step(
+    pub fn step(
         &mut self,
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -91,28 +86,28 @@ impl PathSamples {
         Ok(Step { is_whole, paths, rays: counts.rays, non_finite: counts.non_finite, passes: report.passes })
     }
 
-    /// Begins again from none.
-    pub(crate) const fn restart(&mut self) {
+    /// Discards all samples.
+    pub const fn restart(&mut self) {
         self.batches.restart();
     }
 
     /// Mean radiance (rgb) and squared deviations (w) by pixel.
-    pub(crate) const fn picture(&self) -> &Buffer {
+    pub const fn picture(&self) -> &Buffer {
         &self.accumulation
     }
 
     /// Samples a pixel in whole batches.
-    pub(crate) const fn count(&self) -> u32 {
+    pub const fn count(&self) -> u32 {
         self.batches.samples()
     }
 
-    /// Light that bounced at most once, and B.
-    pub(crate) fn split(&self) -> Option<(&Buffer, &Buffer)> {
+    /// Light that bounced at most once, and irradiance over pi.
+    pub fn split(&self) -> Option<(&Buffer, &Buffer)> {
         self.split.as_ref().map(|(direct, irradiance)| (direct, irradiance))
     }
 
     /// Variant that fits the scene.
-    pub(crate) fn features(&self) -> Features {
+    pub fn features(&self) -> Features {
         self.kernels.features()
     }
 }

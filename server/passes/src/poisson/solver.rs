@@ -6,8 +6,8 @@ use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::PoissonUniforms;
 
 use super::settings::{Norm, PoissonSettings, Preconditioner, Solver, Start};
-use crate::passes::merge_passes;
-use crate::passes::workgroups_of;
+use crate::merge_passes;
+use crate::workgroups_of;
 
 /// Pixels of the coarsest grid at most: one workgroup of `poisson_coarsest`.
 const COARSEST_PIXELS: u32 = 256;

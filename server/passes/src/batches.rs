@@ -5,14 +5,14 @@
 use surfelcast_shaders::constants::WORKGROUP_SIZE;
 use surfelcast_shaders::records::FrameUniforms;
 
-use crate::technique::StepBudget;
+use crate::step::StepBudget;
 
 /// Pixels of one dispatch at most: workgroups of one dimension.
 const MAX_PIXELS: u32 = 65_535 * WORKGROUP_SIZE;
 
-/// How far a picture has come.
+/// Progress of an image: how many samples each pixel has.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Batches {
+pub struct Batches {
     pixel_count: u32,
     /// Samples a pixel in whole batches.
     samples: u32,
@@ -23,18 +23,19 @@ pub(crate) struct Batches {
 }
 
 impl Batches {
-    pub(crate) const fn new([width, height]: [u32; 2]) -> Self {
+    /// No samples yet, for an image of this size.
+    pub const fn new([width, height]: [u32; 2]) -> Self {
         Self { pixel_count: width * height, samples: 0, batch: 0, pixels_done: 0 }
     }
 
     /// Samples a pixel in whole batches.
-    pub(crate) const fn samples(&self) -> u32 {
+    pub const fn samples(&self) -> u32 {
         self.samples
     }
 
     /// Starts a batch if none is in hand: as many samples as there are already, so that a first picture comes soon and later ones
     /// cost little overhead. Returns whether there is one.
-    pub(crate) fn begin(&mut self, budget: &StepBudget) -> bool {
+    pub fn begin(&mut self, budget: &StepBudget) -> bool {
         if self.batch == 0 {
             let left = budget.until_samples.saturating_sub(self.samples);
             self.batch = self.samples.max(1).min(budget.max_batch.max(1)).min(left);
@@ -43,7 +44,7 @@ impl Batches {
     }
 
     /// The pixels and samples that so many paths are enough for, at least one workgroup of pixels.
-    pub(crate) fn range(&self, mut frame: FrameUniforms, max_paths: u64) -> FrameUniforms {
+    pub fn range(&self, mut frame: FrameUniforms, max_paths: u64) -> FrameUniforms {
         let affordable = max_paths / u64::from(self.batch.max(1)) / u64::from(WORKGROUP_SIZE);
         let groups = affordable.clamp(1, u64::from(MAX_PIXELS / WORKGROUP_SIZE)) as u32;
         frame.first_pixel = self.pixels_done;
@@ -54,25 +55,25 @@ impl Batches {
     }
 
     /// Takes a range as traced. Returns how many paths that were.
-    pub(crate) fn advance(&mut self, range: &FrameUniforms) -> u64 {
+    pub fn advance(&mut self, range: &FrameUniforms) -> u64 {
         self.pixels_done += range.pixel_count;
         u64::from(range.pixel_count) * u64::from(self.batch)
     }
 
     /// Whether every pixel of the batch in hand is traced.
-    pub(crate) const fn is_traced(&self) -> bool {
+    pub const fn is_traced(&self) -> bool {
         self.pixels_done == self.pixel_count
     }
 
     /// Counts the batch in hand.
-    pub(crate) const fn finish(&mut self) {
+    pub const fn finish(&mut self) {
         self.samples += self.batch;
         self.batch = 0;
         self.pixels_done = 0;
     }
 
     /// Begins again from nothing.
-    pub(crate) const fn restart(&mut self) {
+    pub const fn restart(&mut self) {
         self.samples = 0;
         self.batch = 0;
         self.pixels_done = 0;

@@ -3,7 +3,7 @@
 use surfelcast_scene::SceneSummary;
 use surfelcast_shaders::{Feature, Features};
 
-use crate::technique::MaterialMode;
+use crate::materials::MaterialMode;
 
 /// Switches a picture of this scene needs.
 pub fn features_for(
