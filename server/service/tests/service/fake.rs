@@ -1,4 +1,4 @@
-//! A renderer that answers at once with coloured pictures and remembers what it was told.
+//! A fake renderer: it answers every command with coloured noise and records the commands that it got.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,9 +13,9 @@ use surfelcast_renderer::{
 };
 use tokio::sync::{oneshot, watch};
 
-/// What the renderer was told, in order; cameras by the x of their position.
+/// Commands in the order in which the renderer got them; cameras by the x of their position.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Told {
+pub(crate) enum Recorded {
     OpenSession,
     CloseSession,
     OpenView,
@@ -54,7 +54,7 @@ const ERROR: ErrorEstimate = ErrorEstimate {
 
 /// How the fake behaves.
 #[derive(Clone, Debug)]
-pub(crate) struct Manners {
+pub(crate) struct FakeBehaviour {
     /// Time for a frame.
     pub(crate) frame_time: Duration,
     /// Time for a job.
@@ -73,7 +73,7 @@ pub(crate) struct Manners {
     pub(crate) job_errors: Vec<RendererError>,
 }
 
-impl Default for Manners {
+impl Default for FakeBehaviour {
     fn default() -> Self {
         Self {
             frame_time: Duration::from_millis(2),
@@ -98,11 +98,11 @@ impl Default for Manners {
 pub(crate) struct Fake {
     pub(crate) handle: RendererHandle,
     pub(crate) status: watch::Sender<RendererStatus>,
-    log: Arc<std::sync::Mutex<Vec<Told>>>,
+    log: Arc<std::sync::Mutex<Vec<Recorded>>>,
 }
 
 impl Fake {
-    pub(crate) fn start(manners: Manners) -> Self {
+    pub(crate) fn start(behaviour: FakeBehaviour) -> Self {
         let (handle, commands, status) = RendererHandle::channel();
         let path =
             TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased.", uses_surfels: false };
@@ -114,17 +114,17 @@ impl Fake {
             ..RendererStatus::default()
         });
         let log = Arc::default();
-        let actor = Actor { manners, log: Arc::clone(&log), views: BTreeMap::new(), revisions: BTreeMap::new() };
+        let actor = Actor { behaviour, log: Arc::clone(&log), views: BTreeMap::new(), revisions: BTreeMap::new() };
         tokio::spawn(actor.run(commands));
         Self { handle, status, log }
     }
 
-    pub(crate) fn told(&self) -> Vec<Told> {
+    pub(crate) fn recorded(&self) -> Vec<Recorded> {
         self.log.lock().expect("not poisoned").clone()
     }
 
-    pub(crate) fn count(&self, wanted: fn(&Told) -> bool) -> usize {
-        self.told().iter().filter(|told| wanted(told)).count()
+    pub(crate) fn count(&self, wanted: fn(&Recorded) -> bool) -> usize {
+        self.recorded().iter().filter(|recorded| wanted(recorded)).count()
     }
 
     pub(crate) fn set_state(&self, state: DeviceState) {
@@ -145,8 +145,8 @@ struct View {
 }
 
 struct Actor {
-    manners: Manners,
-    log: Arc<std::sync::Mutex<Vec<Told>>>,
+    behaviour: FakeBehaviour,
+    log: Arc<std::sync::Mutex<Vec<Recorded>>>,
     views: BTreeMap<ViewKey, View>,
     revisions: BTreeMap<SessionKey, u32>,
 }
@@ -158,9 +158,9 @@ impl Actor {
             tokio::select! {
                 command = commands.recv() => match command {
                     None | Some(Command::Stop) => return,
-                    Some(command) => self.obey(command),
+                    Some(command) => self.handle(command),
                 },
-                () = tokio::time::sleep(self.manners.frame_time), if ready.is_some() => {
+                () = tokio::time::sleep(self.behaviour.frame_time), if ready.is_some() => {
                     if let Some(key) = ready { self.render(key); }
                 }
             }
@@ -168,39 +168,39 @@ impl Actor {
     }
 
     fn is_due(&self, view: &View) -> bool {
-        view.slot.is_wanted() && !view.state.is_paused && view.samples < self.manners.final_samples
+        view.slot.is_wanted() && !view.state.is_paused && view.samples < self.behaviour.final_samples
     }
 
-    fn note(&self, told: Told) {
-        self.log.lock().expect("not poisoned").push(told);
+    fn record(&self, recorded: Recorded) {
+        self.log.lock().expect("not poisoned").push(recorded);
     }
 
-    fn obey(&mut self, command: Command) {
+    fn handle(&mut self, command: Command) {
         match command {
             Command::OpenSession { session, reply, .. } => {
-                self.note(Told::OpenSession);
+                self.record(Recorded::OpenSession);
                 self.revisions.insert(session, 1);
-                let _ = reply.send(self.manners.session_error.clone().map_or(Ok(()), Err));
+                let _ = reply.send(self.behaviour.session_error.clone().map_or(Ok(()), Err));
             }
-            Command::CloseSession { .. } => self.note(Told::CloseSession),
+            Command::CloseSession { .. } => self.record(Recorded::CloseSession),
             Command::SetLights { session, lights, scene_rev } => {
-                self.note(Told::Lights { scene_rev, count: lights.punctual.len() });
+                self.record(Recorded::Lights { scene_rev, count: lights.punctual.len() });
                 self.revisions.insert(session, scene_rev);
                 self.views.values_mut().filter(|view| view.session == session).for_each(|view| view.samples = 0);
             }
             Command::OpenView { session, view, state, slot, reply } => {
-                self.note(Told::OpenView);
+                self.record(Recorded::OpenView);
                 if state.aov.is_some() {
-                    self.note(Told::Shows(state.aov));
+                    self.record(Recorded::Shows(state.aov));
                 }
                 self.views.insert(view, View { session, state, slot, samples: 0 });
                 let _ = reply.send(Ok(()));
             }
             Command::UpdateView { view, state } => {
                 let x = state.camera.position.x;
-                self.note(Told::View { input_seq: state.input_seq, x, is_moving: state.is_moving });
+                self.record(Recorded::View { input_seq: state.input_seq, x, is_moving: state.is_moving });
                 if self.views.get(&view).is_some_and(|view| view.state.aov != state.aov) {
-                    self.note(Told::Shows(state.aov));
+                    self.record(Recorded::Shows(state.aov));
                 }
                 if let Some(view) = self.views.get_mut(&view) {
                     view.state = *state;
@@ -208,7 +208,7 @@ impl Actor {
                 }
             }
             Command::CloseView { view } => {
-                self.note(Told::CloseView);
+                self.record(Recorded::CloseView);
                 self.views.remove(&view);
             }
             Command::Pick { camera, reply, .. } => {
@@ -217,26 +217,26 @@ impl Actor {
                 let _ = reply.send(Ok(Some(picked)));
             }
             Command::Inspect { camera, size, point, reply, .. } => {
-                self.note(Told::Inspect { size, point });
-                let found = self.manners.inspection.clone();
+                self.record(Recorded::Inspect { size, point });
+                let found = self.behaviour.inspection.clone();
                 let found = found.map(|found| Inspection { position: camera.position.to_array(), ..found });
-                let time = self.manners.point_time;
+                let time = self.behaviour.point_time;
                 tokio::spawn(async move {
                     tokio::time::sleep(time).await;
                     let _ = reply.send(Ok(found));
                 });
             }
             Command::Render { job, progress, cancel, reply } => {
-                self.note(Told::Render { seed: job.seed, aov: job.aov, surfel: job.surfel });
-                let error = (!self.manners.job_errors.is_empty()).then(|| self.manners.job_errors.remove(0));
-                tokio::spawn(render_job(*job, self.manners.job_time, error, progress, cancel, reply));
+                self.record(Recorded::Render { seed: job.seed, aov: job.aov, surfel: job.surfel });
+                let error = (!self.behaviour.job_errors.is_empty()).then(|| self.behaviour.job_errors.remove(0));
+                tokio::spawn(render_job(*job, self.behaviour.job_time, error, progress, cancel, reply));
             }
             Command::Wake | Command::LoseDevice | Command::Stop => {}
         }
     }
 
     fn render(&mut self, key: ViewKey) {
-        let final_samples = self.manners.final_samples;
+        let final_samples = self.behaviour.final_samples;
         let Some(view) = self.views.get_mut(&key) else { return };
         let kind = if view.state.is_moving {
             FrameKind::Moving
@@ -244,7 +244,7 @@ impl Actor {
             view.samples = (view.samples * 2).clamp(1, final_samples);
             if view.samples == final_samples { FrameKind::Final } else { FrameKind::Still }
         };
-        let scale = if kind == FrameKind::Moving { view.state.max_scale.min(self.manners.device_scale) } else { 1.0 };
+        let scale = if kind == FrameKind::Moving { view.state.max_scale.min(self.behaviour.device_scale) } else { 1.0 };
         let size = view.state.size.map(|side| ((side as f32 * scale) as u32).max(1));
         let frame = Frame {
             pixels: noise(&view.state.camera, size).into(),

@@ -6,14 +6,14 @@ use serde_json::json;
 use tokio::net::TcpSocket;
 use tokio_tungstenite::tungstenite::Message;
 
-use crate::fake::{Manners, Told};
+use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Client, Got, Service};
 
 use futures_util::SinkExt;
 
 #[tokio::test]
 async fn hello_must_come_first_whole_and_in_time() {
-    let service = Service::with(Manners::default(), |c| c.limits.hello_timeout_ms = 200).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.limits.hello_timeout_ms = 200).await;
     assert_eq!(service.connect().await.close_code().await, 4408);
     let first = |message: serde_json::Value| {
         let service = &service;
@@ -86,7 +86,9 @@ async fn nonsense_is_answered_and_survived() {
     assert_eq!(frames.last().map(|(header, _)| header.input_seq), Some(5));
     client.send_text(pose("[0,0,9]", "[0,1,0]", "40")).await;
     assert_eq!(client.text("error").await["code"], "stale_input");
-    assert!(!service.fake.told().iter().any(|told| matches!(told, Told::View { x, .. } if !x.is_finite())));
+    assert!(
+        !service.fake.recorded().iter().any(|recorded| matches!(recorded, Recorded::View { x, .. } if !x.is_finite()))
+    );
 }
 
 #[tokio::test]
@@ -106,7 +108,7 @@ async fn repeated_rubbish_ends_the_connection() {
     let mut client = service.client().await;
     client.send_text("[".repeat(60_000)).await;
     assert_eq!(client.text("error").await["code"], "malformed", "depth is bounded");
-    service.until("all views are closed", |fake| fake.count(|t| *t == Told::CloseView) == 3).await;
+    service.until("all views are closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 3).await;
 }
 
 #[tokio::test]
@@ -118,7 +120,7 @@ async fn inputs_are_rationed() {
     }
     assert_eq!(client.close_code().await, 4429);
     // The renderer saw the newest states, not all of them: the slot holds one.
-    let updates = service.fake.count(|told| matches!(told, Told::View { .. }));
+    let updates = service.fake.count(|recorded| matches!(recorded, Recorded::View { .. }));
     assert!(updates <= 260, "{updates}");
 }
 
@@ -142,8 +144,8 @@ async fn lying_acks_change_nothing() {
 
 #[tokio::test]
 async fn without_acks_the_view_stops_and_then_ends() {
-    let manners = Manners { final_samples: u32::MAX, ..Manners::default() };
-    let service = Service::with(manners, |c| {
+    let behaviour = FakeBehaviour { final_samples: u32::MAX, ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |c| {
         c.timeouts.ack_stop = Duration::from_millis(900);
         c.timeouts.ack_close = Duration::from_millis(1800);
     })
@@ -162,7 +164,7 @@ async fn without_acks_the_view_stops_and_then_ends() {
     };
     assert_eq!((code, frames), (4408, 2), "no more than the window");
     assert!(began.elapsed() >= Duration::from_millis(1700), "{:?}", began.elapsed());
-    service.until("the view is closed", |fake| fake.count(|t| *t == Told::CloseView) == 1).await;
+    service.until("the view is closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 1).await;
 }
 
 /// A client with the smallest receive buffer, so that the server feels it early.
@@ -177,7 +179,7 @@ async fn narrow_client(service: &Service) -> Client {
 
 #[tokio::test]
 async fn a_frozen_reader_is_let_go_and_disturbs_nobody() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.ack_close = Duration::from_mins(1)).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.ack_close = Duration::from_mins(1)).await;
     let mut frozen = narrow_client(&service).await;
     // Lossless pictures of noise, 3 MB each: the socket buffers fill at once.
     frozen.send(json!({"t": "view.set", "w": 1280, "h": 800})).await;
@@ -194,7 +196,7 @@ async fn a_frozen_reader_is_let_go_and_disturbs_nobody() {
     }
     // Long enough for any machine, short against the patience of a blocked queue.
     assert!(slowest < Duration::from_secs(3), "{slowest:?}");
-    service.until("the frozen view is closed", |fake| fake.count(|t| *t == Told::CloseView) == 1).await;
+    service.until("the frozen view is closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 1).await;
     assert!(began.elapsed() < Duration::from_secs(10));
     drop(frozen);
 }
@@ -211,7 +213,7 @@ async fn control_messages_that_pile_up_disconnect_by_bytes() {
 
 async fn pile_up(messages: usize, bytes: usize) {
     // The frozen client gets no frames (paused), only other people's light edits.
-    let service = Service::with(Manners::default(), |c| {
+    let service = Service::with(FakeBehaviour::default(), |c| {
         c.bounds.outbox_messages = messages;
         c.bounds.outbox_bytes = bytes;
         c.timeouts.send_stall = Duration::from_mins(1);
@@ -226,7 +228,7 @@ async fn pile_up(messages: usize, bytes: usize) {
         "color": [1, 1, 1], "intensity": 5});
     let mut seq = 0;
     let began = Instant::now();
-    while service.fake.count(|t| *t == Told::CloseView) == 0 {
+    while service.fake.count(|t| *t == Recorded::CloseView) == 0 {
         seq += 1;
         let patch = if seq < 200 { json!({"add": lamp}) } else { json!({"emissive_strength": f64::from(seq % 7)}) };
         editor.send(json!({"t": "light", "seq": seq, "patch": patch, "phase": "move"})).await;
@@ -241,7 +243,7 @@ async fn pile_up(messages: usize, bytes: usize) {
 
 #[tokio::test]
 async fn a_reader_of_a_kilobyte_a_second_only_slows_itself() {
-    let service = Service::with(Manners::default(), |c| {
+    let service = Service::with(FakeBehaviour::default(), |c| {
         c.timeouts.ack_stop = Duration::from_millis(500);
         c.timeouts.ack_close = Duration::from_secs(2);
     })
@@ -259,7 +261,7 @@ async fn a_reader_of_a_kilobyte_a_second_only_slows_itself() {
             tokio::time::sleep(Duration::from_millis(250)).await;
         }
     });
-    service.until("the slow view is closed", |fake| fake.count(|t| *t == Told::CloseView) == 1).await;
+    service.until("the slow view is closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 1).await;
     reader.abort();
     let mut other = service.client().await;
     other.small().await;

@@ -7,7 +7,7 @@ use axum::http::{Method, Request, StatusCode};
 use flate2::read::GzDecoder;
 use surfelcast_renderer::DeviceState;
 
-use crate::fake::Manners;
+use crate::fake::FakeBehaviour;
 use crate::support::Service;
 
 #[tokio::test]
@@ -115,7 +115,7 @@ async fn cross_origin(service: &Service, method: Method, path: &str, extra: &[(&
 
 #[tokio::test]
 async fn pages_of_listed_origins_may_read_answers() {
-    let service = Service::with(Manners::default(), |c| c.origins.push(format!("{APP}/"))).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.origins.push(format!("{APP}/"))).await;
     // Errors too: a page must be able to tell why.
     for (path, status) in [("/v1/scenes", 200), ("/v1/renders/none", 404), ("/version", 200)] {
         let answer = cross_origin(&service, Method::GET, path, &[("origin", APP)]).await;
@@ -141,7 +141,7 @@ async fn pages_of_listed_origins_may_read_answers() {
 
 #[tokio::test]
 async fn preflights_of_listed_origins_are_answered() {
-    let service = Service::with(Manners::default(), |c| c.origins.push(APP.into())).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.origins.push(APP.into())).await;
     let ask = [("access-control-request-method", "POST"), ("access-control-request-headers", "content-type,prefer")];
     let answer = cross_origin(&service, Method::OPTIONS, "/v1/renders", &[("origin", APP), ask[0], ask[1]]).await;
     assert_eq!((answer.status, answer.body.len()), (StatusCode::NO_CONTENT, 0));

@@ -6,47 +6,51 @@ use axum::http::StatusCode;
 use serde_json::json;
 use surfelcast_renderer::{Aov, DeviceState, RendererError};
 
-use crate::fake::{Manners, Told};
+use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Got, Service};
 
 #[tokio::test]
 async fn sessions_open_at_the_first_view_and_close_after_the_last() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.session_grace = Duration::from_millis(300)).await;
-    assert!(service.fake.told().is_empty(), "nothing is uploaded for nobody");
+    let service =
+        Service::with(FakeBehaviour::default(), |c| c.timeouts.session_grace = Duration::from_millis(300)).await;
+    assert!(service.fake.recorded().is_empty(), "nothing is uploaded for nobody");
     let one = service.client().await;
     let two = service.client().await;
-    assert_eq!(service.fake.count(|t| *t == Told::OpenSession), 1, "one session for all");
+    assert_eq!(service.fake.count(|t| *t == Recorded::OpenSession), 1, "one session for all");
     drop((one, two));
-    service.until("both views are closed", |fake| fake.count(|t| *t == Told::CloseView) == 2).await;
+    service.until("both views are closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 2).await;
     let again = service.client().await;
     tokio::time::sleep(Duration::from_millis(600)).await;
-    assert_eq!(service.fake.count(|t| *t == Told::CloseSession), 0, "a reload within the grace finds it warm");
+    assert_eq!(service.fake.count(|t| *t == Recorded::CloseSession), 0, "a reload within the grace finds it warm");
     drop(again);
-    service.until("the session is closed", |fake| fake.count(|t| *t == Told::CloseSession) == 1).await;
+    service.until("the session is closed", |fake| fake.count(|t| *t == Recorded::CloseSession) == 1).await;
     let _late = service.client().await;
-    assert_eq!(service.fake.count(|t| *t == Told::OpenSession), 2);
+    assert_eq!(service.fake.count(|t| *t == Recorded::OpenSession), 2);
 }
 
 #[tokio::test]
 async fn light_edits_outlive_a_short_absence() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.session_grace = Duration::from_millis(50)).await;
+    let service =
+        Service::with(FakeBehaviour::default(), |c| c.timeouts.session_grace = Duration::from_millis(50)).await;
     let mut client = service.client().await;
     client.send(json!({"id": 1, "t": "light", "seq": 1, "patch": {"emissive_strength": 2.5}, "phase": "end"})).await;
     client.text("ok").await;
     drop(client);
-    service.until("the session is closed", |fake| fake.count(|t| *t == Told::CloseSession) == 1).await;
+    service.until("the session is closed", |fake| fake.count(|t| *t == Recorded::CloseSession) == 1).await;
     let mut client = service.connect().await;
     client.send(json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}})).await;
     let lights = client.text("lights").await;
     assert_eq!((lights["emissive_strength"].as_f64(), lights["scene_rev"].as_u64()), (Some(2.5), Some(2)));
     service
-        .until("the renderer knows them", |fake| fake.count(|t| matches!(t, Told::Lights { scene_rev: 2, .. })) == 2)
+        .until("the renderer knows them", |fake| {
+            fake.count(|t| matches!(t, Recorded::Lights { scene_rev: 2, .. })) == 2
+        })
         .await;
 }
 
 #[tokio::test]
 async fn a_view_can_be_taken_up_again() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.reconnect = Duration::ZERO).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.reconnect = Duration::ZERO).await;
     let mut client = service.client().await;
     client.small().await;
     client.send(json!({"t": "view.set", "aov": "normal"})).await;
@@ -62,7 +66,7 @@ async fn a_view_can_be_taken_up_again() {
     assert_eq!(client.close_code().await, 4409, "the old connection is superseded");
     let (header, _) = second.frame().await;
     assert_eq!(header.full_size, [64, 48], "the view stands where it stood");
-    assert_eq!(service.fake.count(|t| *t == Told::Shows(Some(Aov::Normal))), 2, "and shows what it showed");
+    assert_eq!(service.fake.count(|t| *t == Recorded::Shows(Some(Aov::Normal))), 2, "and shows what it showed");
     second.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
     assert_eq!(second.text("picked").await["position"][0], 6.0);
     // A used token is worth nothing; the client simply starts anew.
@@ -74,7 +78,7 @@ async fn a_view_can_be_taken_up_again() {
 
 #[tokio::test]
 async fn coming_back_at_once_is_refused() {
-    let service = Service::with(Manners::default(), |c| {
+    let service = Service::with(FakeBehaviour::default(), |c| {
         assert_eq!(c.timeouts.reconnect, Duration::from_millis(500));
         c.timeouts.reconnect = Duration::from_secs(2);
     })
@@ -103,14 +107,15 @@ async fn coming_back_at_once_is_refused() {
 
 #[tokio::test]
 async fn sessions_are_bounded_and_refusals_have_codes() {
-    let service = Service::with(Manners::default(), |c| c.limits.views_per_session = 2).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.limits.views_per_session = 2).await;
     let _held = (service.client().await, service.client().await);
     let hello = json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}});
     let mut third = service.connect().await;
     third.send(hello.clone()).await;
     assert_eq!(third.close_code().await, 1013);
     let no_memory = RendererError::NoMemory { needed: 10, free: 5 };
-    let full = Service::with(Manners { session_error: Some(no_memory), ..Manners::default() }, |_| {}).await;
+    let full =
+        Service::with(FakeBehaviour { session_error: Some(no_memory), ..FakeBehaviour::default() }, |_| {}).await;
     let mut client = full.connect().await;
     client.send(hello).await;
     assert_eq!(client.close_code().await, 4503);
@@ -136,8 +141,8 @@ async fn a_lost_device_is_told_and_survived() {
 
 #[tokio::test]
 async fn draining_lets_work_finish() {
-    let manners = Manners { job_time: Duration::from_millis(700), ..Manners::default() };
-    let mut service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_millis(700), ..FakeBehaviour::default() };
+    let mut service = Service::with(behaviour, |_| {}).await;
     let mut client = service.client().await;
     client.small().await;
     client.until_final().await;
@@ -150,7 +155,7 @@ async fn draining_lets_work_finish() {
     );
     let mut socket = tokio::net::TcpStream::connect(service.addr).await.expect("connects");
     tokio::io::AsyncWriteExt::write_all(&mut socket, request.as_bytes()).await.expect("writes");
-    service.until("the job runs", |fake| fake.count(|t| matches!(t, Told::Render { .. })) == 1).await;
+    service.until("the job runs", |fake| fake.count(|t| matches!(t, Recorded::Render { .. })) == 1).await;
     let began = Instant::now();
     service.shutdown.cancel();
     assert_eq!(client.text("notice").await["kind"], "draining");
@@ -171,8 +176,8 @@ async fn draining_lets_work_finish() {
 
 #[tokio::test]
 async fn draining_has_a_deadline() {
-    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
-    let mut service = Service::with(manners, |c| c.timeouts.drain = Duration::from_millis(300)).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_hours(1), ..FakeBehaviour::default() };
+    let mut service = Service::with(behaviour, |c| c.timeouts.drain = Duration::from_millis(300)).await;
     let body = json!({"scene": service.scene_id()}).to_string();
     service.post("/v1/renders", &[("content-type", "application/json")], body).await;
     let began = Instant::now();
@@ -189,7 +194,8 @@ fn resident() -> usize {
 
 #[tokio::test]
 async fn a_thousand_visits_leave_nothing_behind() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.session_grace = Duration::from_millis(1)).await;
+    let service =
+        Service::with(FakeBehaviour::default(), |c| c.timeouts.session_grace = Duration::from_millis(1)).await;
     let mut after_warmup = 0;
     for visit in 0..1000 {
         let mut client = service.client().await;
@@ -202,7 +208,7 @@ async fn a_thousand_visits_leave_nothing_behind() {
             after_warmup = resident();
         }
     }
-    service.until("all views are closed", |fake| fake.count(|t| *t == Told::CloseView) == 1000).await;
+    service.until("all views are closed", |fake| fake.count(|t| *t == Recorded::CloseView) == 1000).await;
     let grown = resident().saturating_sub(after_warmup);
     assert!(grown < 12 << 20, "{grown} bytes more after 700 visits");
     let metrics = String::from_utf8(service.get("/metrics").await.body).expect("text");

@@ -7,7 +7,7 @@ use axum::http::{HeaderName, Request, StatusCode};
 use serde_json::{Value, json};
 use surfelcast_renderer::{Aov, DeviceState, KNOBS, RendererError, SurfelSettings};
 
-use crate::fake::{Manners, Told};
+use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Answer, Service};
 
 fn body(service: &Service, more: &Value) -> String {
@@ -23,7 +23,7 @@ async fn render(service: &Service, headers: &[(&str, &str)], more: Value) -> Ans
 }
 
 fn renders(service: &Service) -> usize {
-    service.fake.count(|told| matches!(told, Told::Render { .. }))
+    service.fake.count(|recorded| matches!(recorded, Recorded::Render { .. }))
 }
 
 #[tokio::test]
@@ -97,15 +97,15 @@ async fn equal_requests_give_equal_bytes_and_one_render() {
 
 #[tokio::test]
 async fn a_job_can_be_followed_and_fetched() {
-    let manners = Manners { job_time: Duration::from_millis(400), ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_millis(400), ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let accepted = render(&service, &[], json!({})).await;
     assert_eq!(accepted.status, StatusCode::ACCEPTED);
     let location = accepted.header("location").to_owned();
     assert!(!accepted.header("retry-after").is_empty());
     let early = service.get(&format!("{location}/image")).await;
     assert_eq!((early.status, early.problem().as_str()), (StatusCode::CONFLICT, "not_ready"));
-    service.until("it runs", |fake| fake.count(|t| matches!(t, Told::Render { .. })) == 1).await;
+    service.until("it runs", |fake| fake.count(|t| matches!(t, Recorded::Render { .. })) == 1).await;
     tokio::time::sleep(Duration::from_millis(20)).await;
     let running = service.get(&location).await;
     assert_eq!((running.json()["status"].as_str(), running.json()["progress"].as_f64()), (Some("running"), Some(0.25)));
@@ -124,8 +124,8 @@ async fn a_job_can_be_followed_and_fetched() {
 
 #[tokio::test]
 async fn waiting_is_bounded_by_the_request() {
-    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_hours(1), ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let answer = render(&service, &[("prefer", "wait=0"), ("accept", "image/png")], json!({})).await;
     assert_eq!(answer.status, StatusCode::ACCEPTED);
     assert_eq!(answer.json()["image"], format!("{}/image", answer.header("location")));
@@ -133,8 +133,8 @@ async fn waiting_is_bounded_by_the_request() {
 
 #[tokio::test]
 async fn cancel_stops_the_renderer() {
-    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_hours(1), ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let location = render(&service, &[], json!({})).await.header("location").to_owned();
     let canceled = service.post(&format!("{location}/cancel"), &[], "").await;
     assert_eq!((canceled.status, canceled.json()["status"].as_str()), (StatusCode::ACCEPTED, Some("canceled")));
@@ -142,7 +142,7 @@ async fn cancel_stops_the_renderer() {
     // An equal request after a cancel is work of its own.
     let again = render(&service, &[], json!({})).await;
     assert_ne!(again.header("location"), location);
-    service.until("it is rendered", |fake| fake.count(|t| matches!(t, Told::Render { .. })) == 2).await;
+    service.until("it is rendered", |fake| fake.count(|t| matches!(t, Recorded::Render { .. })) == 2).await;
 }
 
 #[tokio::test]
@@ -204,7 +204,7 @@ async fn surfel_settings_and_outputs_reach_the_renderer() {
         let answer = render(&service, &[("prefer", "wait=10"), ("accept", "application/json")], more.clone()).await;
         assert_eq!(answer.json()["status"], "succeeded");
         let seed = more["seed"].as_u64().unwrap_or(0);
-        assert_eq!(service.fake.told().last(), Some(&Told::Render { seed, aov, surfel }), "{more}");
+        assert_eq!(service.fake.recorded().last(), Some(&Recorded::Render { seed, aov, surfel }), "{more}");
     }
 }
 
@@ -251,8 +251,8 @@ async fn the_api_description_names_every_header_of_a_picture() {
 
 #[tokio::test]
 async fn the_queue_is_bounded() {
-    let manners = Manners { job_time: Duration::from_hours(1), ..Manners::default() };
-    let service = Service::with(manners, |c| c.bounds.active_renders = 2).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_hours(1), ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |c| c.bounds.active_renders = 2).await;
     for seed in 0..2 {
         assert_eq!(render(&service, &[], json!({"seed": seed})).await.status, StatusCode::ACCEPTED);
     }
@@ -266,7 +266,7 @@ async fn the_queue_is_bounded() {
 #[tokio::test]
 async fn finished_renders_are_dropped_by_bytes_oldest_first() {
     let bytes = 32 * 24 * 12;
-    let service = Service::with(Manners::default(), |c| c.bounds.render_cache_bytes = bytes * 5 / 2).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.render_cache_bytes = bytes * 5 / 2).await;
     let mut locations = Vec::new();
     for seed in 0..4 {
         let headers = [("prefer", "wait=10"), ("accept", "application/json")];
@@ -287,8 +287,8 @@ async fn failures_have_their_status() {
     let no_memory = RendererError::NoMemory { needed: 10, free: 5 };
     let too_large = RendererError::SceneTooLarge { field: "triangles".into(), needed: 10, limit: 5 };
     let lost = RendererError::DeviceLost;
-    let manners = Manners { job_errors: vec![no_memory, too_large, lost.clone()], ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_errors: vec![no_memory, too_large, lost.clone()], ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let ask = |seed: u64| render(&service, &[("prefer", "wait=10"), ("accept", "image/png")], json!({"seed": seed}));
     let answer = ask(1).await;
     assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::SERVICE_UNAVAILABLE, "gpu_memory"));
@@ -303,8 +303,8 @@ async fn failures_have_their_status() {
 
 #[tokio::test]
 async fn idempotency_keys() {
-    let manners = Manners { job_time: Duration::from_millis(300), ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { job_time: Duration::from_millis(300), ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let ask = |wait: &'static str, seed: u64| {
         let headers = vec![("idempotency-key", "abc"), ("prefer", wait), ("accept", "application/json")];
         let service = &service;

@@ -5,7 +5,7 @@ use axum::http::{Request, StatusCode};
 use serde_json::json;
 use surfelcast_service::{ServiceConfig, ServiceState, router};
 
-use crate::fake::{Fake, Manners};
+use crate::fake::{Fake, FakeBehaviour};
 use crate::support::{Answer, Service, ask, gltf, scene};
 
 const GLTF: [(&str, &str); 1] = [("content-type", "model/gltf+json")];
@@ -42,7 +42,7 @@ async fn uploads_are_kept_by_content() {
     let delete = || Request::delete(&path).header("host", "localhost").body(Body::empty()).expect("a request");
     assert_eq!(service.ask(delete()).await.problem(), "scene_in_use");
     drop(client);
-    service.until("the view is closed", |fake| fake.count(|t| *t == crate::fake::Told::CloseView) == 1).await;
+    service.until("the view is closed", |fake| fake.count(|t| *t == crate::fake::Recorded::CloseView) == 1).await;
     assert_eq!(service.ask(delete()).await.status, StatusCode::NO_CONTENT);
     assert_eq!(service.get(&path).await.status, StatusCode::NOT_FOUND);
 }
@@ -58,7 +58,7 @@ fn form(parts: &[(&str, &str)]) -> String {
 
 #[tokio::test]
 async fn a_view_can_come_with_the_scene() {
-    let service = Service::with(Manners::default(), |c| c.bounds.loaded_scenes = 1).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.loaded_scenes = 1).await;
     let view = r#"{"cameras": [{"name": "door", "position": [0, 1, 9], "target": [0, 0, 0], "vfov_deg": 30}]}"#;
     let bare = service.post("/v1/scenes", &GLTF, gltf(2.0)).await;
     let upload = || service.post("/v1/scenes?name=House", &FORM, form(&[("view", view), ("scene", &gltf(2.0))]));
@@ -79,7 +79,7 @@ async fn a_view_can_come_with_the_scene() {
 
 #[tokio::test]
 async fn bad_forms_are_refused_with_the_reason() {
-    let service = Service::with(Manners::default(), |c| c.bounds.json_bytes = 100).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.json_bytes = 100).await;
     let gltf = gltf(2.0);
     let long = "x".repeat(101);
     for (parts, status, word) in [
@@ -100,7 +100,7 @@ async fn bad_forms_are_refused_with_the_reason() {
 
 #[tokio::test]
 async fn bad_uploads_are_refused_with_the_reason() {
-    let service = Service::with(Manners::default(), |c| c.bounds.upload_bytes = 4096).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.upload_bytes = 4096).await;
     let broken = service.post("/v1/scenes", &GLTF, "{\"asset\":{\"version\":\"2.0\"},\"scene\":7}").await;
     assert_eq!((broken.status, broken.problem().as_str()), (StatusCode::UNPROCESSABLE_ENTITY, "invalid_scene"));
     let extension = r#"{"asset":{"version":"2.0"},"extensionsUsed":["X_y"],"extensionsRequired":["X_y"]}"#;
@@ -122,7 +122,7 @@ async fn bad_uploads_are_refused_with_the_reason() {
 
 #[tokio::test]
 async fn the_store_is_bounded() {
-    let service = Service::with(Manners::default(), |c| c.bounds.stored_scenes = 1).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.stored_scenes = 1).await;
     assert_eq!(service.post("/v1/scenes", &GLTF, gltf(2.0)).await.status, StatusCode::CREATED);
     let full = service.post("/v1/scenes", &GLTF, gltf(3.0)).await;
     assert_eq!((full.status, full.problem().as_str()), (StatusCode::INSUFFICIENT_STORAGE, "storage_full"));
@@ -132,7 +132,7 @@ async fn the_store_is_bounded() {
 async fn uploads_survive_a_restart_and_leave_no_rubbish() {
     let dir = tempfile::tempdir().expect("a folder");
     let start = || {
-        let fake = Fake::start(Manners::default());
+        let fake = Fake::start(FakeBehaviour::default());
         let config = ServiceConfig::new(dir.path(), "surfelcast/test");
         ServiceState::new(fake.handle.clone(), vec![scene()], config).expect("starts")
     };

@@ -6,7 +6,7 @@ use serde_json::json;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::fake::Manners;
+use crate::fake::FakeBehaviour;
 use crate::support::{SOON, Service};
 
 async fn read_all(socket: &mut TcpStream) -> String {
@@ -25,7 +25,7 @@ async fn alive(service: &Service) {
 
 #[tokio::test]
 async fn headers_that_drip_are_cut_off() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.header = Duration::from_millis(300)).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.header = Duration::from_millis(300)).await;
     let began = Instant::now();
     let mut silent = TcpStream::connect(service.addr).await.expect("connects");
     let mut dripping = TcpStream::connect(service.addr).await.expect("connects");
@@ -54,7 +54,7 @@ async fn headers_that_drip_are_cut_off() {
 
 #[tokio::test]
 async fn kept_connections_do_not_idle_for_ever() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.header = Duration::from_millis(300)).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.header = Duration::from_millis(300)).await;
     let mut socket = TcpStream::connect(service.addr).await.expect("connects");
     socket.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").await.expect("writes");
     assert!(read_all(&mut socket).await.starts_with("HTTP/1.1 200"), "answered, then closed for idleness");
@@ -80,7 +80,7 @@ async fn header_bombs_are_refused() {
 
 #[tokio::test]
 async fn bodies_that_stall_or_drip_are_cut_off() {
-    let service = Service::with(Manners::default(), |c| {
+    let service = Service::with(FakeBehaviour::default(), |c| {
         c.timeouts.body_stall = Duration::from_millis(300);
         c.timeouts.body_grace = Duration::from_millis(600);
     })
@@ -106,7 +106,7 @@ async fn bodies_that_stall_or_drip_are_cut_off() {
 
 #[tokio::test]
 async fn connections_are_counted() {
-    let service = Service::with(Manners::default(), |c| c.bounds.connections_per_ip = 3).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.bounds.connections_per_ip = 3).await;
     let mut held = Vec::new();
     for _ in 0..2 {
         held.push(service.client().await);
@@ -124,7 +124,8 @@ async fn connections_are_counted() {
 
 #[tokio::test]
 async fn a_client_that_does_not_read_its_answer_is_let_go() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.write_stall = Duration::from_millis(300)).await;
+    let service =
+        Service::with(FakeBehaviour::default(), |c| c.timeouts.write_stall = Duration::from_millis(300)).await;
     let body = json!({"scene": service.scene_id(), "width": 2048, "height": 1024, "seed": 3}).to_string();
     let socket = tokio::net::TcpSocket::new_v4().expect("a socket");
     socket.set_recv_buffer_size(4096).expect("sets");

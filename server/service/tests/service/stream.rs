@@ -7,7 +7,7 @@ use surfelcast_protocol::frame::flags;
 use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::{Aov, Contribution, Inspection};
 
-use crate::fake::{Manners, Told};
+use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Client, Got, Service};
 
 const QUIET: Duration = Duration::from_millis(400);
@@ -63,15 +63,15 @@ async fn moving_is_fast_and_lossy_then_it_settles_on_the_last_input() {
     let frames = client.until_final().await;
     let (header, _) = frames.last().expect("frames");
     assert_eq!((header.input_seq, header.spp), (last, 64), "the end of a gesture is never lost");
-    let told = service.fake.told();
-    let resting = Told::View { input_seq: last, x: 20.0, is_moving: false };
-    assert!(told.contains(&resting), "{told:?}");
+    let recorded = service.fake.recorded();
+    let resting = Recorded::View { input_seq: last, x: 20.0, is_moving: false };
+    assert!(recorded.contains(&resting), "{recorded:?}");
 }
 
 #[tokio::test]
 async fn stats_tell_the_scale_in_use_and_why() {
     for (device_scale, reason) in [(0.5, "device"), (1.0, "")] {
-        let service = Service::with(Manners { device_scale, ..Manners::default() }, |_| {}).await;
+        let service = Service::with(FakeBehaviour { device_scale, ..FakeBehaviour::default() }, |_| {}).await;
         let mut client = service.client().await;
         client.small().await;
         client.until_final().await;
@@ -108,10 +108,10 @@ async fn cameras_are_private_and_lights_are_shared() {
     let frames = one.until_final().await;
     assert_eq!(frames.last().map(|(header, _)| (header.input_seq, header.scene_rev)), Some((9, 2)));
     // The renderer hears of lights before any view that claims to show them.
-    let told = service.fake.told();
-    let lights_at = told.iter().position(|t| *t == Told::Lights { scene_rev: 2, count: 1 }).expect("told");
-    let view_at = told.iter().position(|t| matches!(t, Told::View { input_seq: 9, .. })).expect("told");
-    assert!(lights_at < view_at, "{told:?}");
+    let recorded = service.fake.recorded();
+    let lights_at = recorded.iter().position(|t| *t == Recorded::Lights { scene_rev: 2, count: 1 }).expect("recorded");
+    let view_at = recorded.iter().position(|t| matches!(t, Recorded::View { input_seq: 9, .. })).expect("recorded");
+    assert!(lights_at < view_at, "{recorded:?}");
     // Someone who comes later sees the same lights.
     let mut three = service.connect().await;
     three.send(json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}})).await;
@@ -160,7 +160,7 @@ async fn inspections_answer_for_the_picture_that_was_seen() {
     assert_eq!((answer["re"].as_u64(), answer["inspection"]["position"][0].as_f64()), (Some(2), Some(3.0)));
     assert_eq!(answer["inspection"]["coverage"], 1.5);
     assert_eq!(answer["inspection"]["contributions"][0]["id"], 7);
-    assert!(service.fake.told().contains(&Told::Inspect { size: [64, 48], point: [0.25, 0.75] }));
+    assert!(service.fake.recorded().contains(&Recorded::Inspect { size: [64, 48], point: [0.25, 0.75] }));
     for (message, field) in [(ask(3, 0.5, -0.1), "y"), (ask(3, 2.0, 0.5), "x")] {
         client.send(message).await;
         let error = client.text("error").await;
@@ -176,7 +176,7 @@ async fn points_without_surfels_are_null_and_broken_numbers_are_named() {
     let broken = Contribution { id: 9, std_error: f32::NAN, ..Contribution::default() };
     let broken = Inspection { contributions: vec![broken], ..Inspection::default() };
     for inspection in [None, Some(broken)] {
-        let service = Service::with(Manners { inspection, ..Manners::default() }, |_| {}).await;
+        let service = Service::with(FakeBehaviour { inspection, ..FakeBehaviour::default() }, |_| {}).await;
         let mut client = service.client().await;
         client.small().await;
         client.until_final().await;
@@ -199,7 +199,7 @@ async fn points_without_surfels_are_null_and_broken_numbers_are_named() {
 
 #[tokio::test]
 async fn points_looked_at_are_bounded() {
-    let service = Service::with(Manners { point_time: QUIET, ..Manners::default() }, |_| {}).await;
+    let service = Service::with(FakeBehaviour { point_time: QUIET, ..FakeBehaviour::default() }, |_| {}).await;
     let mut client = service.client().await;
     client.small().await;
     client.until_final().await;
@@ -265,8 +265,9 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     client.send(json!({"id": 5, "t": "view.set", "aov": null})).await;
     client.until_final().await;
     assert_eq!(settled_error(&mut client).await, Some(0.0125));
-    let shown: Vec<Told> = service.fake.told().into_iter().filter(|told| matches!(told, Told::Shows(_))).collect();
-    assert_eq!(shown, [Told::Shows(Aov::by_name("surfel_coverage")), Told::Shows(None)]);
+    let shown: Vec<Recorded> =
+        service.fake.recorded().into_iter().filter(|recorded| matches!(recorded, Recorded::Shows(_))).collect();
+    assert_eq!(shown, [Recorded::Shows(Aov::by_name("surfel_coverage")), Recorded::Shows(None)]);
 }
 
 #[tokio::test]
@@ -296,8 +297,8 @@ async fn paused_views_cost_nothing() {
 
 #[tokio::test]
 async fn stills_on_request_are_lossless_and_rare() {
-    let manners = Manners { final_samples: u32::MAX, ..Manners::default() };
-    let service = Service::with(manners, |_| {}).await;
+    let behaviour = FakeBehaviour { final_samples: u32::MAX, ..FakeBehaviour::default() };
+    let service = Service::with(behaviour, |_| {}).await;
     let mut client = service.client().await;
     client.small().await;
     client.frame().await;
@@ -325,7 +326,7 @@ async fn stills_on_request_are_lossless_and_rare() {
 
 #[tokio::test]
 async fn pings_are_answered_and_sent() {
-    let service = Service::with(Manners::default(), |c| c.timeouts.ping = Duration::from_millis(200)).await;
+    let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.ping = Duration::from_millis(200)).await;
     let mut client = service.client().await;
     client.send(json!({"t": "ping", "ts": 12.5})).await;
     let pong = client.text("pong").await;

@@ -19,7 +19,7 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use crate::fake::{Fake, Manners};
+use crate::fake::{Fake, FakeBehaviour};
 
 /// Anything that should happen at once happens within this.
 pub(crate) const SOON: Duration = Duration::from_secs(10);
@@ -70,14 +70,14 @@ pub(crate) struct Service {
 
 impl Service {
     pub(crate) async fn start() -> Self {
-        Self::with(Manners::default(), |_| {}).await
+        Self::with(FakeBehaviour::default(), |_| {}).await
     }
 
-    pub(crate) async fn with(manners: Manners, edit: impl FnOnce(&mut ServiceConfig)) -> Self {
+    pub(crate) async fn with(behaviour: FakeBehaviour, edit: impl FnOnce(&mut ServiceConfig)) -> Self {
         let dir = tempfile::tempdir().expect("a folder");
         let mut config = ServiceConfig::new(dir.path(), "surfelcast/test");
         edit(&mut config);
-        let fake = Fake::start(manners);
+        let fake = Fake::start(behaviour);
         let scene = scene();
         let state = ServiceState::new(fake.handle.clone(), vec![Arc::clone(&scene)], config).expect("starts");
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
@@ -140,7 +140,7 @@ impl Service {
                 tokio::time::sleep(Duration::from_millis(5)).await;
             }
         };
-        tokio::time::timeout(SOON, wait).await.unwrap_or_else(|_| panic!("never: {what}; {:?}", self.fake.told()));
+        tokio::time::timeout(SOON, wait).await.unwrap_or_else(|_| panic!("never: {what}; {:?}", self.fake.recorded()));
     }
 }
 
