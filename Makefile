@@ -12,6 +12,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 ARGS ?=
 CARGO ?= cargo
+BENCH ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast-bench
 SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
 DOCS_SPP ?= 512
 # What reconstructions look like while surfels have few rays.
@@ -39,6 +40,10 @@ deps-tests: ## Install what the tests need as well
 build: deps ## Compile the server (target/release/surfelcast)
 	$(CARGO) build --release --locked --package surfelcast
 
+.PHONY: build-bench
+build-bench: deps ## Compile the server and the laboratory (target/release/surfelcast-bench)
+	$(CARGO) build --release --locked --package surfelcast --package surfelcast-bench
+
 .PHONY: serve
 serve: deps ## Compile and run the server with the demo scenes; ARGS="--bind 0.0.0.0:8080 --scene my.glb" to change that
 	$(CARGO) run --release --locked --package surfelcast -- serve $(ARGS)
@@ -55,69 +60,69 @@ check: deps-tests ## Format, lints, documentation and types; runs no test
 	cd web-client && npm run check
 
 .PHONY: bench
-bench: deps ## Rays per second against a CPU traversal of the same hierarchy, written into BENCHMARKS.md
-	SURFELCAST_BENCH_DOCUMENT=$(CURDIR)/BENCHMARKS.md $(CARGO) bench --locked --package surfelcast-tests --bench rays
+bench: build-bench ## Rays per second against a CPU traversal of the same hierarchy, written into BENCHMARKS.md
+	$(BENCH) rays --table BENCHMARKS.md
 
 .PHONY: bench-accuracy
-bench-accuracy: build ## Error of every reference camera, written into BENCHMARKS.md
-	$(CARGO) run --release --locked --package surfelcast-tests --bin accuracy-table -- BENCHMARKS.md
+bench-accuracy: build-bench ## Error of every reference camera, written into BENCHMARKS.md
+	$(BENCH) accuracy --table BENCHMARKS.md
 
 .PHONY: bench-surfels
-bench-surfels: build ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
-	$(CARGO) run --release --locked --package surfelcast-tests --bin surfel-table -- BENCHMARKS.md
+bench-surfels: build-bench ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
+	$(BENCH) surfels --table BENCHMARKS.md
 
 .PHONY: bench-locality
-bench-locality: deps ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
-	$(CARGO) run --release --locked --package surfelcast-tests --example surfel_locality -- BENCHMARKS.md
+bench-locality: build-bench ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
+	$(BENCH) locality --table BENCHMARKS.md
 
 .PHONY: bench-all
 bench-all: bench bench-accuracy bench-surfels bench-locality bench-apply bench-error bench-presets bench-densities bench-settling bench-reconstructions bench-image bench-peers bench-scale bench-poisson ## Every table and plot of BENCHMARKS.md, one after the other; takes hours
 
 .PHONY: bench-error
-bench-error: build ## Error against seconds and rays of every technique, written into BENCHMARKS.md; more plots in target/bench
-	$(SURFELCAST) bench error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-error: build-bench ## Error against seconds and rays of every technique, written into BENCHMARKS.md; more plots in target/bench
+	$(BENCH) error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/error-*-seconds.svg $(BENCH_OUT)/error-pareto.svg $(BENCH_FIGURES)
 
 .PHONY: bench-presets
-bench-presets: build ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study presets --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-presets: build-bench ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
+	$(BENCH) error --study presets --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-densities
-bench-densities: build ## Error by capacity and density of surfels, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study densities --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-densities: build-bench ## Error by capacity and density of surfels, written into BENCHMARKS.md
+	$(BENCH) error --study densities --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-image
-bench-image: build ## Error of indirect light reconstructed in the image, by scheme, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study image --truth-spp 512 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-image: build-bench ## Error of indirect light reconstructed in the image, by scheme, written into BENCHMARKS.md
+	$(BENCH) error --study image --truth-spp 512 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-peers
-bench-peers: build ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
-	$(SURFELCAST) bench error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-peers: build-bench ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
+	$(BENCH) error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-settling
-bench-settling: build ## Error of a picture that settles beside its two halves, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study settling --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-settling: build-bench ## Error of a picture that settles beside its two halves, written into BENCHMARKS.md
+	$(BENCH) error --study settling --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/settling-*-seconds.svg $(BENCH_FIGURES)
 
 .PHONY: bench-reconstructions
-bench-reconstructions: build ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
-	$(SURFELCAST) bench error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-reconstructions: build-bench ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
+	$(BENCH) error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-scale
-bench-scale: build ## Time and memory against triangles and surfels, written into BENCHMARKS.md
-	$(SURFELCAST) bench scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-scale: build-bench ## Time and memory against triangles and surfels, written into BENCHMARKS.md
+	$(BENCH) scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-poisson
-bench-poisson: build ## Convergence of Poisson solvers, written into BENCHMARKS.md; plots in target/bench
-	$(SURFELCAST) bench poisson --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-poisson: build-bench ## Convergence of Poisson solvers, written into BENCHMARKS.md; plots in target/bench
+	$(BENCH) poisson --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
 
 .PHONY: bench-apply
-bench-apply: deps ## Time of gathering and of drawing surfels for the thesis' surfel counts, written into BENCHMARKS.md
-	$(CARGO) run --release --locked --package surfelcast-tests --example apply_table -- BENCHMARKS.md
+bench-apply: build-bench ## Time of gathering and of drawing surfels for the thesis' surfel counts, written into BENCHMARKS.md
+	$(BENCH) apply --table BENCHMARKS.md
 
 .PHONY: film-strips
-film-strips: deps ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
-	$(CARGO) run --release --locked --package surfelcast-tests --example film_strip -- docs
+film-strips: build-bench ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
+	$(BENCH) strips docs
 
 .PHONY: docs-images
 docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/

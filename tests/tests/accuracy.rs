@@ -4,8 +4,10 @@
 //! a lost light stands out however noisy the picture is. `make bench-accuracy` does the same with many samples.
 #![allow(clippy::print_stdout, reason = "a test says what it measured, and why it skipped")]
 
+use std::path::{Path, PathBuf};
+
 use anyhow::{Context as _, Result, ensure};
-use surfelcast_tests::accuracy::{Mode, Picture, Point, Reference, Renderer, error_to_truth, shared_folder};
+use surfelcast_measure::{Mode, Picture, Point, Reference, Renderer, error_to_truth};
 
 /// Squared error over what noise explains. Chance alone stays well below this with ten thousand pixels.
 const RATIO_LIMIT: f64 = 1.15;
@@ -15,6 +17,11 @@ const BIAS_LIMIT: f64 = 4.0;
 const FURNACE_LIMIT: f64 = 0.002;
 /// Share by which the audit may miss the measured error, on average over a group.
 const AUDIT_LIMIT: f64 = 0.15;
+
+/// The folder of shared scenes and references, next to the repository or where `SURFELCAST_SHARED` says.
+fn shared_folder() -> Option<PathBuf> {
+    surfelcast_measure::shared_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+}
 
 /// Measures every reference that `belongs`; `None` where there are no references.
 fn measure(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<Option<Vec<(Reference, Point)>>> {

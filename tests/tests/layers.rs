@@ -18,6 +18,10 @@ struct Room {
     why: &'static str,
 }
 
+/// All crates but `bench` and `tests`, which stand above them.
+const EVERYTHING: &[&str] =
+    &["app", "gpu", "measure", "passes", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"];
+
 const ROOMS: &[Room] = &[
     Room { name: "protocol", folder: "protocol", may_import: &[], why: "what crosses the wire stands alone" },
     Room { name: "shaders", folder: "shaders", may_import: &[], why: "kernels and their checks run without a GPU" },
@@ -28,12 +32,6 @@ const ROOMS: &[Room] = &[
         why: "glTF in, validated scene out; no GPU, no async",
     },
     Room { name: "stream", folder: "server/stream", may_import: &[], why: "pixels to bytes; no GPU, no async" },
-    Room {
-        name: "measure",
-        folder: "server/measure",
-        may_import: &[],
-        why: "error metrics, references and plots; judges pixels alone",
-    },
     Room { name: "gpu", folder: "server/gpu", may_import: &["shaders"], why: "device and frame graph; knows no light" },
     Room {
         name: "passes",
@@ -62,37 +60,22 @@ const ROOMS: &[Room] = &[
     Room {
         name: "app",
         folder: "server/app",
-        may_import: &[
-            "gpu",
-            "measure",
-            "passes",
-            "protocol",
-            "renderer",
-            "scene",
-            "service",
-            "shaders",
-            "stream",
-            "techniques",
-        ],
-        why: "the binary wires everything and is imported by nothing",
+        may_import: &["gpu", "passes", "protocol", "renderer", "scene", "service", "shaders", "stream", "techniques"],
+        why: "the binary wires everything; the laboratory shares its arguments",
     },
     Room {
-        name: "tests",
-        folder: "tests",
-        may_import: &[
-            "gpu",
-            "measure",
-            "passes",
-            "protocol",
-            "renderer",
-            "scene",
-            "service",
-            "shaders",
-            "stream",
-            "techniques",
-        ],
-        why: "end-to-end suites; imported by nothing",
+        name: "measure",
+        folder: "bench/measure",
+        may_import: &[],
+        why: "error metrics and references; judges pixels alone",
     },
+    Room {
+        name: "bench",
+        folder: "bench",
+        may_import: EVERYTHING,
+        why: "the laboratory: measures everything, is never shipped; imported by nothing",
+    },
+    Room { name: "tests", folder: "tests", may_import: EVERYTHING, why: "end-to-end suites; imported by nothing" },
 ];
 
 /// Outside crates that belong to one side of a wall: (crate, rooms that may name it, why).
@@ -102,7 +85,7 @@ const WALLS: &[(&str, &[&str], &str)] = &[
     ("naga", &["shaders", "gpu"], "reflection is the shaders' business, pipelines the GPU's"),
     ("axum", &["service"], "one room speaks HTTP"),
     ("gltf", &["scene"], "one room reads glTF"),
-    ("anyhow", &["app", "tests"], "libraries name their errors; only the ends may blur them"),
+    ("anyhow", &["app", "bench", "tests"], "libraries name their errors; only the ends may blur them"),
 ];
 
 /// Rooms without an async runtime: they are called from blocking threads or from the render thread.

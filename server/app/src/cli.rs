@@ -3,11 +3,11 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use clap::{Args, Parser, Subcommand};
+use surfelcast::args::{
+    DeviceArgs, Materials, parse_error, parse_exposure, parse_secs, parse_size, preset_names, technique_ids,
+};
 use surfelcast_renderer::SurfelSettings;
-
-use crate::bench::BenchArgs;
-
-use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Headless render server with global illumination.
 #[derive(Debug, Parser)]
@@ -26,21 +26,8 @@ pub(crate) enum Command {
     Serve(ServeArgs),
     /// Render one picture of a scene file.
     Render(Box<RenderArgs>),
-    /// Measure error against cost, and cost against size.
-    Bench(BenchArgs),
     /// List adapters and limits, and say what is missing and how to get it.
     Doctor,
-}
-
-/// Device choice, shared by the commands that render.
-#[derive(Debug, Args)]
-pub(crate) struct DeviceArgs {
-    /// GPU adapter by index or part of its name (see `surfelcast doctor`); the best one by default.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) adapter: Option<String>,
-    /// Device memory to use at most, MiB.
-    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(64..))]
-    pub(crate) gpu_memory: Option<u64>,
 }
 
 #[derive(Debug, Args)]
@@ -62,15 +49,6 @@ pub(crate) struct ServeArgs {
     pub(crate) origins: Vec<String>,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
-}
-
-/// How surfaces scatter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Materials {
-    /// glTF metallic-roughness.
-    Pbr,
-    /// Two-sided Lambertian of the base colour.
-    Lambert,
 }
 
 #[derive(Debug, Args)]
@@ -139,52 +117,13 @@ fn reconstruction_names() -> clap::builder::PossibleValuesParser {
     surfelcast_techniques::Reconstruction::names().into()
 }
 
-pub(crate) fn technique_ids() -> clap::builder::PossibleValuesParser {
-    surfelcast_techniques::registry::TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
-}
-
 fn parse_knob(text: &str) -> Result<String, String> {
     let mut settings = SurfelSettings::BALANCED;
     settings.turn(text).map(|()| text.to_owned())
 }
 
-pub(crate) fn preset_names() -> clap::builder::PossibleValuesParser {
-    SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
-}
-
 fn aov_names() -> clap::builder::PossibleValuesParser {
     surfelcast_renderer::Aov::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
-}
-
-/// Largest side of a picture, pixels.
-pub(crate) const MAX_SIDE: u32 = 16_384;
-/// Most pixels of a picture.
-const MAX_PIXELS: u64 = 64_000_000;
-
-pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
-    let side = |text: &str| text.trim().parse::<u32>().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-    let (Some(width), Some(height)) = (side(width), side(height)) else {
-        return Err(format!("width and height are whole numbers from 1 to {MAX_SIDE}"));
-    };
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(format!("{width}x{height} has over {MAX_PIXELS} pixels"));
-    }
-    Ok([width, height])
-}
-
-fn parse_error(text: &str) -> Result<f32, String> {
-    text.parse().ok().filter(|e: &f32| *e > 0.0 && *e <= 1.0).ok_or_else(|| "expected a number in (0, 1]".to_owned())
-}
-
-pub(crate) fn parse_secs(text: &str) -> Result<f64, String> {
-    let secs = text.parse().ok().filter(|s: &f64| *s > 0.0 && *s <= 86_400.0);
-    secs.ok_or_else(|| "expected seconds in (0, 86400]".to_owned())
-}
-
-fn parse_exposure(text: &str) -> Result<f32, String> {
-    let exposure = text.parse().ok().filter(|e: &f32| (1e-6..=1e6).contains(e));
-    exposure.ok_or_else(|| "expected a number in [1e-6, 1e6]".to_owned())
 }
 
 #[cfg(test)]
@@ -196,23 +135,5 @@ mod tests {
     #[test]
     fn the_command_line_is_well_formed() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn sizes_are_checked() {
-        assert_eq!(parse_size("320x180"), Ok([320, 180]));
-        for bad in ["320", "0x1", "x", "99999x1", "16384x16384", "-1x5"] {
-            assert!(parse_size(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn numbers_outside_their_range_are_refused() {
-        for bad in ["0", "-1", "nan", "inf", "1.5"] {
-            assert!(parse_error(bad).is_err(), "{bad}");
-        }
-        for bad in ["0", "nan", "inf", "1e9"] {
-            assert!(parse_secs(bad).is_err() && parse_exposure(bad).is_err(), "{bad}");
-        }
     }
 }

@@ -1,8 +1,7 @@
 //! `surfelcast doctor`: what the machine offers and what is missing.
 
+use surfelcast::Failure;
 use surfelcast_gpu::{AdapterReport, adapters};
-
-use crate::failure::Failure;
 
 #[allow(clippy::print_stdout, reason = "the report is the command's output")]
 pub(crate) fn run() -> Result<(), Failure> {

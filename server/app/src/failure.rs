@@ -3,14 +3,13 @@
 use std::process::ExitCode;
 
 use surfelcast_gpu::GpuError;
-use surfelcast_measure::MeasureError;
 use surfelcast_renderer::RendererError;
 use surfelcast_scene::SceneError;
 use surfelcast_techniques::TechniqueError;
 
 /// A failed command.
 #[derive(Debug)]
-pub(crate) enum Failure {
+pub enum Failure {
     /// The command line or a file is at fault: exit code 2.
     Input(String),
     /// The machine or this program is at fault: exit code 1.
@@ -18,26 +17,29 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    pub(crate) fn input(message: impl Into<String>) -> Self {
+    /// A fault of the command line or of a file.
+    pub fn input(message: impl Into<String>) -> Self {
         Self::Input(message.into())
     }
 
-    pub(crate) fn runtime(message: impl Into<String>) -> Self {
+    /// A fault of the machine or of this program.
+    pub fn runtime(message: impl Into<String>) -> Self {
         Self::Runtime(message.into())
     }
 
-    /// Writes the message to stderr.
-    #[allow(clippy::print_stderr, reason = "this is where the program speaks to its user")]
-    pub(crate) fn report(&self) {
-        let (Self::Input(message) | Self::Runtime(message)) = self;
-        eprintln!("surfelcast: {message}");
-    }
-
-    pub(crate) fn exit_code(&self) -> ExitCode {
+    /// What the shell gets.
+    pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Input(_) => ExitCode::from(2),
             Self::Runtime(_) => ExitCode::FAILURE,
         }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (Self::Input(message) | Self::Runtime(message)) = self;
+        f.write_str(message)
     }
 }
 
@@ -65,14 +67,5 @@ impl From<GpuError> for Failure {
 impl From<TechniqueError> for Failure {
     fn from(error: TechniqueError) -> Self {
         RendererError::from(error).into()
-    }
-}
-
-impl From<MeasureError> for Failure {
-    fn from(error: MeasureError) -> Self {
-        match error {
-            MeasureError::Plot(_) => Self::Runtime(error.to_string()),
-            error => Self::Input(error.to_string()),
-        }
     }
 }

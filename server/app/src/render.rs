@@ -4,19 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use surfelcast_renderer::{
-    Aov, DeviceState, MaterialMode, RenderJob, RenderOutput, RendererConfig, RendererHandle, RendererStatus, StopRules,
-    SurfelSettings,
-};
+use surfelcast::args::Materials;
+use surfelcast::device::{renderer_config, wait_until_ready};
+use surfelcast::{Failure, scene_file};
+use surfelcast_renderer::{Aov, MaterialMode, RenderJob, RenderOutput, RendererHandle, StopRules, SurfelSettings};
 use surfelcast_scene::{NamedCamera, Scene};
 use surfelcast_stream::{Codec, Quality, encode, encode_exr, tone_map_to_rgba8};
 use surfelcast_techniques::{Reconstruction, registry};
 
-use crate::cli::{DeviceArgs, Materials, RenderArgs};
-use crate::failure::Failure;
+use crate::cli::RenderArgs;
 use crate::ply;
 use crate::progress::Progress;
-use crate::scene_file;
 use crate::stats::{Stats, TimeStats};
 
 /// Picture size where neither the command line nor the camera states one.
@@ -82,31 +80,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         write(path, &json)?;
     }
     Ok(())
-}
-
-/// Device configuration of the command line.
-pub(crate) fn renderer_config(args: &DeviceArgs) -> RendererConfig {
-    RendererConfig {
-        adapter: args.adapter.clone(),
-        memory_budget_bytes: args.gpu_memory.map(|mib| mib << 20),
-        ..RendererConfig::default()
-    }
-}
-
-/// Waits until the device is open.
-pub(crate) async fn wait_until_ready(renderer: &RendererHandle) -> Result<RendererStatus, Failure> {
-    let mut status = renderer.status();
-    let ready = status
-        .wait_for(|status| matches!(status.state, DeviceState::Ready | DeviceState::Failed))
-        .await
-        .map_err(|_| Failure::runtime("the render thread ended before the device was open"))?
-        .clone();
-    if ready.state == DeviceState::Failed {
-        return Err(Failure::runtime(
-            "no render device could be opened; `surfelcast doctor` says what is missing and how to get it",
-        ));
-    }
-    Ok(ready)
 }
 
 async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) -> Result<RenderOutput, Failure> {

@@ -13,7 +13,7 @@ use crate::failure::Failure;
 const DEMO_PREFIX: &str = "demo:";
 
 /// Loads a file or a built-in scene.
-pub(crate) fn load(scene: &Path, view: Option<&PathBuf>, environment: Option<&PathBuf>) -> Result<Scene, Failure> {
+pub fn load(scene: &Path, view: Option<&PathBuf>, environment: Option<&PathBuf>) -> Result<Scene, Failure> {
     let mut options = LoadOptions::default();
     if let Some(path) = view {
         options.view = Some(ViewFile::read(path)?);
@@ -28,7 +28,7 @@ pub(crate) fn load(scene: &Path, view: Option<&PathBuf>, environment: Option<&Pa
 }
 
 /// All built-in scenes, in the order in which they are offered.
-pub(crate) fn load_demos() -> Result<Vec<Arc<Scene>>, Failure> {
+pub fn load_demos() -> Result<Vec<Arc<Scene>>, Failure> {
     demo::scenes().iter().map(|demo| load_demo(demo.name, LoadOptions::default()).map(Arc::new)).collect()
 }
 
@@ -48,7 +48,7 @@ fn load_demo(name: &str, mut options: LoadOptions) -> Result<Scene, Failure> {
 }
 
 /// The camera of that name, the first without one.
-pub(crate) fn camera_of<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a NamedCamera, Failure> {
+pub fn camera_of<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a NamedCamera, Failure> {
     let Some(name) = name else {
         return scene.cameras.first().ok_or_else(|| Failure::input("the scene has no camera; give one with --view"));
     };

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use surfelcast::device::{renderer_config, wait_until_ready};
+use surfelcast::{Failure, scene_file};
 use surfelcast_renderer::RendererConfig;
 use surfelcast_scene::Scene;
 use surfelcast_service::{ServiceConfig, ServiceState};
@@ -10,9 +12,6 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
 use crate::cli::ServeArgs;
-use crate::failure::Failure;
-use crate::render::{renderer_config, wait_until_ready};
-use crate::scene_file;
 
 pub(crate) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()

@@ -72,7 +72,7 @@ fn rays(scene: &Scene) -> Vec<[Vec4; 2]> {
 
 fn compare(scene: &Scene, features: Features) {
     let gpu = device::gpu();
-    let text = include_str!("../../benches/trace_rays.wesl");
+    let text = include_str!("../../../bench/src/studies/rays/trace_rays.wesl");
     let kernel = gpu.kernel_from_source("trace_rays", text, features).unwrap_or_else(|error| panic!("{error}"));
     let buffers = SceneBuffers::new(&gpu, scene).expect("fits");
     let rays = rays(scene);

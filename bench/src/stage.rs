@@ -1,0 +1,228 @@
+//! Drives a technique on a scene and keeps count of what it costs.
+//!
+//! The actor of the server gives jobs turns and hands out finished pictures. Here a picture is followed while it grows, its
+//! cache may have been used by another camera before, and nothing else runs, so techniques are stepped directly, in pieces
+//! of the same size.
+
+use std::time::Instant;
+
+use surfelcast_gpu::{Buffer, Gpu, PassTime};
+use surfelcast_measure::{Mode, Picture};
+use surfelcast_passes::merge_passes;
+use surfelcast_passes::step::StepBudget;
+use surfelcast_renderer::Pace;
+use surfelcast_scene::{Camera, Scene};
+use surfelcast_techniques::technique::{Technique, TechniqueOptions};
+use surfelcast_techniques::{
+    Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,
+    registry,
+};
+
+use surfelcast::Failure;
+
+/// Largest batch, as batch renders have it.
+const MAX_BATCH: u32 = 64;
+
+/// A scene on the device, and how pictures of it are made.
+pub(crate) struct Stage<'a> {
+    pub(crate) gpu: &'a Gpu,
+    pub(crate) scene: &'a Scene,
+    buffers: SceneBuffers,
+    lights: LightBuffers,
+    pub(crate) mode: Mode,
+    pub(crate) size: [u32; 2],
+    pub(crate) exposure: f32,
+}
+
+/// What a picture has cost so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Cost {
+    /// Wall time of rendering; reading pictures back and audits left out.
+    pub(crate) secs: f64,
+    /// Sum over passes, as the device counts them.
+    pub(crate) gpu_secs: f64,
+    /// Primary, secondary, shadow.
+    pub(crate) rays: [u64; 3],
+    pub(crate) non_finite: u64,
+    pub(crate) passes: Vec<PassTime>,
+}
+
+impl Cost {
+    /// Device time of passes whose names begin so.
+    pub(crate) fn gpu_secs_of(&self, prefix: &str) -> f64 {
+        self.passes.iter().filter(|pass| pass.name.starts_with(prefix)).map(|pass| pass.gpu_ms * 1e-3).sum()
+    }
+}
+
+/// A picture in the making.
+pub(crate) struct Shot<'a> {
+    stage: &'a Stage<'a>,
+    technique: Box<dyn Technique>,
+    view: FrameView,
+    audit: Option<Audit>,
+    pace: Pace,
+    pub(crate) cost: Cost,
+}
+
+impl<'a> Stage<'a> {
+    pub(crate) fn new(
+        gpu: &'a Gpu,
+        scene: &'a Scene,
+        mode: Mode,
+        size: [u32; 2],
+        exposure: f32,
+    ) -> Result<Self, Failure> {
+        let buffers = SceneBuffers::new(gpu, scene)?;
+        let lights = LightBuffers::new(gpu, scene, &LightState::of_scene(scene))?;
+        Ok(Self { gpu, scene, buffers, lights, mode, size, exposure })
+    }
+
+    /// A picture from nothing, on a session's cache.
+    pub(crate) fn shot(
+        &'a self,
+        technique: &str,
+        surfel: SurfelSettings,
+        camera: Camera,
+        seed: u64,
+        session: &SessionState,
+    ) -> Result<Shot<'a>, Failure> {
+        let entry = registry::by_id(technique)
+            .ok_or_else(|| Failure::input(format!("--technique {technique}: there is no such technique")))?;
+        (entry.needs)(&self.scene.summary).map_err(Failure::input)?;
+        let options = TechniqueOptions {
+            size: self.size,
+            full_size: self.size,
+            materials: if self.mode == Mode::Pbr { MaterialMode::Pbr } else { MaterialMode::Lambert },
+            is_split: self.mode == Mode::Indirect,
+            seed,
+            waits_for_kernels: true,
+            surfel,
+        };
+        let technique = (entry.create)(self.gpu, &self.buffers, &self.lights, session, options)?;
+        let audit = match self.mode {
+            // The audit judges radiance.
+            Mode::Indirect => None,
+            Mode::Pbr | Mode::Lambert => Some(Audit::new(self.gpu, technique.features(), self.size, seed)?),
+        };
+        Ok(Shot {
+            stage: self,
+            technique,
+            view: FrameView { camera, size: self.size, exposure: self.exposure },
+            audit,
+            pace: Pace::default(),
+            cost: Cost::default(),
+        })
+    }
+}
+
+impl Shot<'_> {
+    /// Renders until the picture has so many samples a pixel, or has cost so many seconds. Returns whether it has them.
+    pub(crate) fn render(&mut self, samples: u32, limit_secs: f64) -> Result<bool, Failure> {
+        let Stage { gpu, buffers, lights, .. } = self.stage;
+        while self.technique.samples() < samples {
+            if self.cost.secs >= limit_secs {
+                return Ok(false);
+            }
+            let budget = StepBudget { max_paths: self.pace.step_paths(), until_samples: samples, max_batch: MAX_BATCH };
+            let started = Instant::now();
+            let step = self.technique.step(gpu, buffers, lights, &self.view, budget)?;
+            let elapsed = started.elapsed();
+            self.pace.measure(step.paths, elapsed);
+            self.cost.secs += elapsed.as_secs_f64();
+            self.cost.gpu_secs += step.passes.iter().map(|pass| pass.gpu_ms * 1e-3).sum::<f64>();
+            self.cost.rays.iter_mut().zip(step.rays).for_each(|(sum, count)| *sum += count);
+            self.cost.non_finite += step.non_finite;
+            merge_passes(&mut self.cost.passes, step.passes);
+        }
+        Ok(true)
+    }
+
+    /// The picture as it stands, in the stage's mode.
+    pub(crate) fn picture(&self) -> Result<Picture, Failure> {
+        let buffer = match (self.stage.mode, self.technique.split()) {
+            (Mode::Indirect, Some((_, irradiance))) => irradiance,
+            (Mode::Indirect, None) => return Err(Failure::input("the technique does not keep indirect light apart")),
+            _ => self.technique.picture(),
+        };
+        let pixels = read(self.stage.gpu, buffer)?.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect();
+        Ok(Picture { size: self.stage.size.map(|side| side as usize), pixels })
+    }
+
+    /// What the renderer itself says of the error; nothing for outputs other than radiance.
+    pub(crate) fn audit(&mut self) -> Result<Option<AuditResult>, Failure> {
+        let Stage { gpu, buffers, lights, exposure, .. } = self.stage;
+        let Some(audit) = &mut self.audit else { return Ok(None) };
+        let (picture, samples) = (self.technique.picture(), self.technique.samples());
+        Ok(Some(audit.run(gpu, buffers, lights, &self.view, picture, samples, *exposure)?))
+    }
+
+    /// Living surfels, where there are any.
+    pub(crate) fn surfels(&self) -> Option<u32> {
+        self.technique.surfels().map(|[live, _]| live)
+    }
+}
+
+fn read(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<[f32; 4]>, Failure> {
+    let mut graph = gpu.graph("read_back");
+    let ticket = graph.read_back(buffer, 0..buffer.size_bytes())?;
+    let bytes = graph.submit()?.wait()?.take(ticket)?;
+    Ok(bytemuck::pod_collect_to_vec(&bytes))
+}
+
+/// Turns of a camera about what it looks at, degrees, the first one preferred that nothing stands in the way of.
+const ASIDE_DEGREES: [f64; 8] = [15.0, -15.0, 10.0, -10.0, 6.0, -6.0, 3.0, -3.0];
+/// Turn on the spot where there is no room to step aside, degrees.
+const TURN_DEGREES: f64 = 10.0;
+
+/// A camera that sees much the same ground from another place: moved about the point in the middle of the picture.
+pub(crate) fn camera_aside(scene: &Scene, camera: &Camera) -> Camera {
+    let (_, up, forward) = camera.frame();
+    let local = |position: glam::DVec3| (position - scene.origin).as_vec3();
+    let hit = |origin, direction: glam::DVec3, most| {
+        surfelcast_scene::trace::closest_hit(&scene.geometry, local(origin), direction.as_vec3(), 0.0, most)
+    };
+    if let Some(ahead) = hit(camera.position, forward, f32::MAX) {
+        let focus = camera.position + forward * f64::from(ahead.t);
+        let arm = camera.position - focus;
+        for degrees in ASIDE_DEGREES {
+            let position = focus + glam::DQuat::from_axis_angle(up, degrees.to_radians()) * arm;
+            let moved = Camera { position, target: focus, ..*camera };
+            // The way there and the view from there are both clear, so that it does not end up in a wall.
+            let step = position - camera.position;
+            if hit(position, focus - position, 0.98).is_none() && hit(camera.position, step, 1.05).is_none() {
+                return moved;
+            }
+        }
+    }
+    let turned = glam::DQuat::from_axis_angle(up, TURN_DEGREES.to_radians()) * forward;
+    Camera { target: camera.position + turned, ..*camera }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_aside_sees_the_same_place_from_elsewhere() {
+        let scene = surfelcast::scene_file::load(std::path::Path::new("demo:cornell_box"), None, None).unwrap();
+        for named in &scene.cameras {
+            let aside = camera_aside(&scene, &named.camera);
+            assert!(aside.is_valid() && aside.position != named.camera.position, "{}", named.name);
+            let toward = aside.target - aside.position;
+            let hit = surfelcast_scene::trace::closest_hit(
+                &scene.geometry,
+                (aside.position - scene.origin).as_vec3(),
+                toward.as_vec3(),
+                0.0,
+                2.0,
+            );
+            assert!(hit.is_some_and(|hit| (hit.t - 1.0).abs() < 0.02), "{}: {hit:?}", named.name);
+            let (_, _, forward) = named.camera.frame();
+            assert!(toward.normalize_or(forward).dot(forward) > 0.95, "{}", named.name);
+        }
+        // Nothing to look at, nothing to step aside of: it turns.
+        let away = Camera { target: scene.cameras[0].camera.position + glam::DVec3::Z, ..scene.cameras[0].camera };
+        let turned = camera_aside(&scene, &away);
+        assert!(turned.position == away.position && turned.target != away.target);
+    }
+}

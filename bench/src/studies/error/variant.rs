@@ -1,0 +1,179 @@
+//! Ways to render that are compared: technique, reconstruction, preset, knobs, and what the cache knows beforehand.
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+use surfelcast_techniques::registry::TECHNIQUES;
+use surfelcast_techniques::{Reconstruction, SurfelSettings, TechniqueEntry};
+
+use surfelcast::Failure;
+
+/// Preset that is used where none is named.
+pub(crate) const DEFAULT_PRESET: &str = "balanced";
+
+/// What the surfel cache knows when the clock starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Start {
+    /// Nothing.
+    Empty,
+    /// What another camera of the session left behind, which looked at the same ground from aside.
+    Warm,
+}
+
+/// One way to render.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub(crate) struct Variant {
+    pub(crate) technique: String,
+    /// The preset's own where none is named.
+    pub(crate) reconstruction: Option<String>,
+    /// Of techniques that use the surfel cache.
+    pub(crate) preset: Option<String>,
+    /// As NAME=VALUE.
+    pub(crate) knobs: Vec<String>,
+    pub(crate) start: Start,
+}
+
+/// What variants are made of; every combination is one. Lists that are empty stand for all there is, or for the default.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct VariantLists {
+    pub(crate) techniques: Vec<String>,
+    pub(crate) reconstructions: Vec<String>,
+    pub(crate) presets: Vec<String>,
+    /// As NAME=VALUE,VALUE,...: each name once, every combination of values.
+    pub(crate) knobs: Vec<String>,
+    pub(crate) starts: Vec<Start>,
+}
+
+impl VariantLists {
+    /// Every combination that makes sense, in the order of the lists.
+    pub(crate) fn all(&self) -> Result<Vec<Variant>, Failure> {
+        let is_asked = |entry: &&TechniqueEntry| {
+            self.techniques.is_empty() || self.techniques.iter().any(|technique| technique == entry.id)
+        };
+        let or = |asked: &[String], default: &[&str]| match asked {
+            [] => default.iter().map(|&word| word.to_owned()).collect(),
+            named => named.to_vec(),
+        };
+        let reconstructions = or(&self.reconstructions, &Reconstruction::names());
+        let presets = or(&self.presets, &[DEFAULT_PRESET]);
+        let starts = if self.starts.is_empty() { vec![Start::Empty] } else { self.starts.clone() };
+        let mut variants = vec![];
+        for entry in TECHNIQUES.iter().filter(is_asked) {
+            let mut made = vec![Variant {
+                technique: entry.id.to_owned(),
+                reconstruction: None,
+                preset: None,
+                knobs: Vec::new(),
+                start: Start::Empty,
+            }];
+            if entry.uses_surfels {
+                made = each(&made, &reconstructions, |of, name| of.reconstruction = Some(name.clone()));
+                made = each(&made, &presets, |of, name| of.preset = Some(name.clone()));
+                made = each(&made, &knob_combinations(&self.knobs)?, |of, knobs| of.knobs.clone_from(knobs));
+                made = each(&made, &starts, |of, start| of.start = *start);
+            }
+            for variant in &made {
+                variant.settings()?;
+            }
+            variants.extend(made);
+        }
+        Ok(variants)
+    }
+}
+
+/// Every variant with every choice made.
+fn each<T>(variants: &[Variant], choices: &[T], choose: impl Fn(&mut Variant, &T)) -> Vec<Variant> {
+    let chosen = |variant: &Variant, choice: &T| {
+        let mut variant = variant.clone();
+        choose(&mut variant, choice);
+        variant
+    };
+    variants
+        .iter()
+        .flat_map(|variant| choices.iter().map(move |choice| (variant, choice)))
+        .map(|(v, c)| chosen(v, c))
+        .collect()
+}
+
+fn knob_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
+    let mut combinations = vec![Vec::new()];
+    for list in lists {
+        let (name, values) = list
+            .split_once('=')
+            .ok_or_else(|| Failure::input(format!("--surfel {list}: expected NAME=VALUE[,VALUE...]")))?;
+        combinations = combinations
+            .iter()
+            .flat_map(|knobs| {
+                values.split(',').map(move |value| [knobs.clone(), vec![format!("{name}={value}")]].concat())
+            })
+            .collect();
+    }
+    Ok(combinations)
+}
+
+impl Variant {
+    /// Settings of the surfel cache. Fails on a name or value that is not known.
+    pub(crate) fn settings(&self) -> Result<SurfelSettings, Failure> {
+        let preset = self.preset.as_deref().unwrap_or(DEFAULT_PRESET);
+        let mut settings = SurfelSettings::by_name(preset)
+            .ok_or_else(|| Failure::input(format!("--preset {preset}: there is no such preset")))?;
+        if let Some(name) = &self.reconstruction {
+            settings.reconstruction = Reconstruction::by_name(name).ok_or_else(|| {
+                let known = Reconstruction::names().join(", ");
+                Failure::input(format!("--reconstruction {name}: must be one of {known}"))
+            })?;
+        }
+        for knob in &self.knobs {
+            settings.turn(knob).map_err(|reason| Failure::input(format!("--surfel {knob}: {reason}")))?;
+        }
+        Ok(settings)
+    }
+
+    /// Short name, what is usual left out.
+    pub(crate) fn label(&self) -> String {
+        let mut words = vec![self.technique.clone()];
+        words.extend(self.reconstruction.clone());
+        words.extend(self.preset.clone().filter(|preset| preset != DEFAULT_PRESET));
+        words.extend(self.knobs.iter().cloned());
+        if self.start == Start::Warm {
+            words.push("(warm)".to_owned());
+        }
+        words.join(" ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_combination_is_one_variant() {
+        let lists = VariantLists {
+            techniques: vec!["surfel".to_owned(), "path".to_owned()],
+            presets: vec!["preview".to_owned(), "high".to_owned()],
+            knobs: vec!["radius=2,3".to_owned(), "capacity=65536".to_owned()],
+            starts: vec![Start::Empty, Start::Warm],
+            ..VariantLists::default()
+        };
+        let labels: Vec<_> = lists.all().unwrap().iter().map(Variant::label).collect();
+        let surfels = 2 * 2 * 2 * Reconstruction::ALL.len();
+        assert_eq!(labels.len(), surfels + 1, "{labels:?}");
+        assert!(labels.contains(&"path".to_owned()), "{labels:?}");
+        assert!(labels.iter().any(|label| label.ends_with("high radius=3 capacity=65536 (warm)")), "{labels:?}");
+    }
+
+    #[test]
+    fn what_is_not_known_is_refused() {
+        let with = |knob: &str, reconstruction: &str| VariantLists {
+            techniques: vec!["surfel".to_owned()],
+            reconstructions: if reconstruction.is_empty() { Vec::new() } else { vec![reconstruction.to_owned()] },
+            knobs: vec![knob.to_owned()],
+            ..VariantLists::default()
+        };
+        assert!(with("radius=3", "").all().is_ok());
+        for (knob, reconstruction) in [("radius", ""), ("radius=1000", ""), ("size=3", ""), ("radius=3", "magic")] {
+            let refused = with(knob, reconstruction).all();
+            assert!(matches!(refused, Err(Failure::Input(_))), "{knob} {reconstruction}: {refused:?}");
+        }
+    }
+}
