@@ -58,7 +58,7 @@ pub(crate) struct RenderArgs {
     /// Picture to write; the ending chooses the format: png, jpg, webp or exr (linear, unexposed).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// View file with cameras, environment, exposure and pose; by default the .json beside the scene.
+    /// View file with cameras, environment, exposure and instant; by default the .json beside the scene.
     #[arg(long, value_name = "FILE")]
     pub(crate) view: Option<PathBuf>,
     /// Camera by name; the first by default.

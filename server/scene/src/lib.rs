@@ -39,10 +39,10 @@ pub use limits::SceneLimits;
 pub use load::{LoadOptions, load_bytes, load_file};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Wrap};
 pub use summary::SceneSummary;
-pub use view::{Pose, ViewFile};
+pub use view::{Instant, ViewFile};
 
-/// Identity of a scene: `sha256:` and 64 lower-case hex digits over the bytes of the file, its siblings, the pose and
-/// the view file, so that equal ids render equal pictures.
+/// Identity of a scene: `sha256:` and 64 lower-case hex digits over the bytes of the file, its siblings, the instant
+/// and the view file, so that equal ids render equal pictures.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SceneId(pub String);
 

@@ -1,4 +1,4 @@
-//! The view JSON beside a scene: cameras, environment, exposure, pose.
+//! The view JSON beside a scene: cameras, environment, exposure, instant of an animation.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -7,12 +7,12 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::load::{clip, invalid};
+use crate::load::check::{clip, invalid};
 use crate::{Camera, Environment, NamedCamera, SceneError};
 
 /// An instant of an animation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pose {
+pub struct Instant {
     /// Index or name of the animation.
     pub animation: AnimationRef,
     /// Seconds from its start.
@@ -39,8 +39,8 @@ pub struct ViewFile {
     pub exposure: Option<f32>,
     /// Exposure by camera name.
     pub camera_exposure: BTreeMap<String, f32>,
-    /// Pose of animated scenes.
-    pub pose: Option<Pose>,
+    /// Instant at which an animated scene is shown; member `pose` of the JSON.
+    pub instant: Option<Instant>,
 }
 
 impl ViewFile {
@@ -65,7 +65,8 @@ struct ViewJson {
     environment: Option<Option<EnvironmentJson>>,
     exposure: Option<f64>,
     camera_exposure: BTreeMap<String, f64>,
-    pose: Option<PoseJson>,
+    #[serde(rename = "pose")]
+    instant: Option<InstantJson>,
 }
 
 /// Tells `null` (no environment) from an absent member (nothing said).
@@ -96,7 +97,7 @@ enum EnvironmentJson {
 }
 
 #[derive(Deserialize)]
-struct PoseJson {
+struct InstantJson {
     animation: AnimationJson,
     time: f64,
 }
@@ -112,7 +113,7 @@ impl ViewFile {
     /// Parses a view file. Fails on malformed JSON, cameras that span no frame, repeated names, negative radiance or
     /// exposure, and times before the start.
     pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
-        crate::load::within("view file bytes", json.len() as u64, MAX_VIEW_BYTES)?;
+        crate::load::check::within("view file bytes", json.len() as u64, MAX_VIEW_BYTES)?;
         let mut deserializer = serde_json::Deserializer::from_slice(json);
         let parsed: ViewJson = serde_path_to_error::deserialize(&mut deserializer)
             .map_err(|error| invalid(clip(&format!("view.{}", error.path())), clip(&error.inner().to_string())))?;
@@ -165,12 +166,12 @@ impl ViewFile {
                 .into_iter()
                 .map(|(name, value)| Ok((name, exposure("view.camera_exposure", value)?)))
                 .collect::<Result<_, SceneError>>()?,
-            pose: parsed.pose.map(|pose| Pose {
-                animation: match pose.animation {
+            instant: parsed.instant.map(|instant| Instant {
+                animation: match instant.animation {
                     AnimationJson::Index(index) => AnimationRef::Index(index),
                     AnimationJson::Name(name) => AnimationRef::Name(name),
                 },
-                time_secs: pose.time,
+                time_secs: instant.time,
             }),
         })
     }
@@ -217,7 +218,7 @@ mod tests {
         assert!((view.cameras[0].camera.vfov - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         assert_eq!(view.environment, Some(Environment::Constant([1.0, 2.0, 3.0])));
         assert_eq!((view.exposure_for("a"), view.exposure_for("b")), (2.0, 0.5));
-        assert_eq!(view.pose.unwrap().animation, AnimationRef::Name("walk".to_owned()));
+        assert_eq!(view.instant.unwrap().animation, AnimationRef::Name("walk".to_owned()));
     }
 
     #[test]

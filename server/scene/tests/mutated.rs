@@ -22,7 +22,7 @@ use proptest::sample::Index;
 use proptest::test_runner::{Config, FileFailurePersistence, TestRunner};
 use serde_json::{Value, json};
 use surfelcast_scene::view::AnimationRef;
-use surfelcast_scene::{LoadOptions, Pose, SceneLimits, glb, load_bytes};
+use surfelcast_scene::{Instant, LoadOptions, SceneLimits, glb, load_bytes};
 
 /// One change to a file.
 #[derive(Clone, Debug)]
@@ -205,8 +205,8 @@ fn options() -> LoadOptions {
         max_punctual_lights: 100,
         max_environment_pixels: 1 << 16,
     };
-    let pose = Pose { animation: AnimationRef::Index(0), time_secs: 0.7 };
-    LoadOptions { limits, pose: Some(pose), ..LoadOptions::default() }
+    let instant = Instant { animation: AnimationRef::Index(0), time_secs: 0.7 };
+    LoadOptions { limits, instant: Some(instant), ..LoadOptions::default() }
 }
 
 /// Peak resident memory of this process, bytes, where the system tells it.
@@ -250,7 +250,7 @@ fn mutated_files_never_panic() {
             let seed = seed.get(seeds());
             let mut options = options();
             // most shared scenes have no animation, and asking for one would refuse them all alike
-            options.pose = options.pose.filter(|_| seed.json.get("animations").is_some());
+            options.instant = options.instant.filter(|_| seed.json.get("animations").is_some());
             match load_bytes(&seed.mutate(&mutations), "mutated", &options) {
                 Ok(scene) => {
                     support::check(&scene);

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 use std::cell::Cell;
 
-use super::document::{Document, clip, invalid, item, within};
+use super::check::{clip, invalid, within};
+use super::document::{Document, item};
 use super::source::range;
 use crate::{SceneError, SceneLimits};
 

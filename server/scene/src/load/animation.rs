@@ -1,11 +1,12 @@
 //! Animation channels sampled at one instant.
 
 use super::accessor::Reader;
-use super::document::{AnimationSampler, clip, invalid, item};
+use super::check::{clip, invalid};
+use super::document::{AnimationSampler, item};
 use crate::view::AnimationRef;
-use crate::{Pose, SceneError};
+use crate::{Instant, SceneError};
 
-/// What a pose sets on a node; `None` keeps the file's value.
+/// What an animation sets on a node; `None` keeps the file's value.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PosedNode {
     pub(crate) translation: Option<[f64; 3]>,
@@ -14,11 +15,11 @@ pub(crate) struct PosedNode {
     pub(crate) weights: Option<Vec<f64>>,
 }
 
-/// Samples every channel of the pose's animation. One entry a node; empty where there is no pose.
-pub(crate) fn sample_pose(reader: &Reader<'_>, pose: Option<&Pose>) -> Result<Vec<PosedNode>, SceneError> {
-    let Some(pose) = pose else { return Ok(Vec::new()) };
+/// Samples every channel of the animation at the instant. One entry a node; empty where there is no instant.
+pub(crate) fn sample(reader: &Reader<'_>, instant: Option<&Instant>) -> Result<Vec<PosedNode>, SceneError> {
+    let Some(instant) = instant else { return Ok(Vec::new()) };
     let animations = &reader.document.animations;
-    let index = match &pose.animation {
+    let index = match &instant.animation {
         AnimationRef::Index(index) => *index,
         AnimationRef::Name(name) => animations
             .iter()
@@ -33,10 +34,10 @@ pub(crate) fn sample_pose(reader: &Reader<'_>, pose: Option<&Pose>) -> Result<Ve
         let node = posed.get_mut(node).ok_or_else(|| invalid(format!("{field}.target.node"), "is out of range"))?;
         let sampler = item(&animation.samplers, channel.sampler, "samplers", &field)?;
         match channel.target.path.as_str() {
-            "translation" => node.translation = Some(vector(reader, sampler, pose.time_secs, &field)?),
-            "rotation" => node.rotation = Some(rotation(reader, sampler, pose.time_secs, &field)?),
-            "scale" => node.scale = Some(vector(reader, sampler, pose.time_secs, &field)?),
-            "weights" => node.weights = Some(weights(reader, sampler, pose.time_secs, &field)?),
+            "translation" => node.translation = Some(vector(reader, sampler, instant.time_secs, &field)?),
+            "rotation" => node.rotation = Some(rotation(reader, sampler, instant.time_secs, &field)?),
+            "scale" => node.scale = Some(vector(reader, sampler, instant.time_secs, &field)?),
+            "weights" => node.weights = Some(weights(reader, sampler, instant.time_secs, &field)?),
             _ => {} // other paths belong to extensions, which are warned of by name
         }
     }

@@ -7,8 +7,9 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::accessor::Reader;
 use super::animation::PosedNode;
+use super::check::within;
 use super::deform;
-use super::document::{item, within};
+use super::document::item;
 use super::hierarchy::{Hierarchy, PlacedNode};
 use super::primitive::{self, PrimitiveData, Topology};
 use super::tangent;
@@ -55,7 +56,7 @@ struct Part {
 
 /// How a node's mesh enters the scene.
 enum Placement {
-    /// Copied into scene space; deformed data where the node has a pose of its own.
+    /// Copied into scene space; deformed data where the node is skinned or morphed.
     Baked {
         deformed: Option<Vec<Deformed>>,
     },

@@ -1,9 +1,10 @@
-//! Morph targets and skins applied at the chosen pose.
+//! Morph targets and skins applied at the chosen instant.
 
 use glam::{DMat3, DMat4, DVec3};
 
 use super::accessor::Reader;
-use super::document::{Primitive, invalid, item};
+use super::check::invalid;
+use super::document::{Primitive, item};
 use super::hierarchy::Hierarchy;
 use super::primitive::{Influences, PrimitiveData, same_count};
 use crate::SceneError;

@@ -6,6 +6,7 @@
 
 use serde::Deserialize;
 
+use super::check::{clip, invalid};
 use crate::SceneError;
 
 /// The root object.
@@ -414,30 +415,9 @@ pub(crate) fn parse(json: &[u8]) -> Result<Document, SceneError> {
     Ok(document)
 }
 
-/// An error of the file's own making.
-pub(crate) fn invalid(field: impl Into<String>, problem: impl Into<String>) -> SceneError {
-    SceneError::Invalid { field: field.into(), problem: problem.into() }
-}
-
 /// `items[index]`, or an error that says who asked for it.
 pub(crate) fn item<'a, T>(items: &'a [T], index: usize, what: &str, asked_by: &str) -> Result<&'a T, SceneError> {
     items
         .get(index)
         .ok_or_else(|| invalid(asked_by, format!("refers to {what}[{index}], but there are {}", items.len())))
-}
-
-/// Checks a count against a limit.
-pub(crate) fn within(field: &str, value: u64, limit: u64) -> Result<(), SceneError> {
-    if value > limit { Err(SceneError::TooLarge { field: field.to_owned(), value, limit }) } else { Ok(()) }
-}
-
-/// Narrows a number of the file to `f32`, refusing those that overflow.
-pub(crate) fn finite(value: f64, field: &str) -> Result<f32, SceneError> {
-    let narrow = value as f32;
-    if narrow.is_finite() { Ok(narrow) } else { Err(invalid(field, format!("{value} is out of range"))) }
-}
-
-/// At most the first 160 characters of untrusted text, for messages: a `data:` URI may have millions.
-pub(crate) fn clip(text: &str) -> String {
-    text.chars().take(160).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }

@@ -3,7 +3,8 @@
 use glam::{DMat4, DQuat, DVec3};
 
 use super::animation::PosedNode;
-use super::document::{Document, Node, invalid, item, within};
+use super::check::{invalid, within};
+use super::document::{Document, Node, item};
 use crate::{SceneError, SceneLimits};
 
 /// A node that is part of the scene.

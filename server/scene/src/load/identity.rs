@@ -3,13 +3,18 @@
 use sha2::{Digest, Sha256};
 
 use crate::view::AnimationRef;
-use crate::{Environment, Pose, SceneId, ViewFile};
+use crate::{Environment, Instant, SceneId, ViewFile};
 
 /// Changes whenever the same bytes would load into a different scene.
 const LOADER_VERSION: u32 = 1;
 
 /// Finishes a hash of all file bytes with the options.
-pub(crate) fn scene_id(mut hasher: Sha256, view: &ViewFile, pose: Option<&Pose>, environment: &Environment) -> SceneId {
+pub(crate) fn scene_id(
+    mut hasher: Sha256,
+    view: &ViewFile,
+    instant: Option<&Instant>,
+    environment: &Environment,
+) -> SceneId {
     hasher.update(LOADER_VERSION.to_le_bytes());
     let mut text = |text: &str| {
         hasher.update((text.len() as u64).to_le_bytes());
@@ -29,14 +34,14 @@ pub(crate) fn scene_id(mut hasher: Sha256, view: &ViewFile, pose: Option<&Pose>,
         text(name);
         text(&exposure.to_string());
     }
-    match pose {
+    match instant {
         None => text("no pose"),
-        Some(pose) => {
-            match &pose.animation {
+        Some(instant) => {
+            match &instant.animation {
                 AnimationRef::Index(index) => text(&format!("animation {index}")),
                 AnimationRef::Name(name) => text(name),
             }
-            text(&pose.time_secs.to_string());
+            text(&instant.time_secs.to_string());
         }
     }
     match environment {

@@ -10,7 +10,8 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use rayon::prelude::*;
 
 use super::accessor::Reader;
-use super::document::{invalid, item, within};
+use super::check::{invalid, within};
+use super::document::item;
 use super::source::Source;
 use crate::{SceneError, SceneLimits, Texture, Wrap};
 

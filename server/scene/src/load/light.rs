@@ -2,7 +2,8 @@
 
 use glam::{DMat4, DVec3, Vec3};
 
-use super::document::{CameraItem, Document, LightItem, clip, finite, invalid, item, within};
+use super::check::{clip, finite, invalid, within};
+use super::document::{CameraItem, Document, LightItem, item};
 use super::hierarchy::Hierarchy;
 use crate::{Bounds, Camera, NamedCamera, PunctualKind, PunctualLight, SceneError, SceneLimits};
 

@@ -1,6 +1,7 @@
 //! Materials of the file turned into [`Material`]s.
 
-use super::document::{Document, MaterialItem, TextureInfo, clip, finite, invalid, within};
+use super::check::{clip, finite, invalid, within};
+use super::document::{Document, MaterialItem, TextureInfo};
 use super::image::TextureLoader;
 use crate::{AlphaMode, Material, SceneError, SceneLimits, TextureRef};
 

@@ -3,6 +3,7 @@
 mod accessor;
 mod animation;
 mod assemble;
+pub(crate) mod check;
 mod deform;
 mod document;
 mod emission;
@@ -16,16 +17,14 @@ mod source;
 mod tangent;
 
 use std::path::Path;
-use std::time::Instant;
 
 use cap_std::ambient_authority;
 use cap_std::fs::Dir;
 use glam::{DVec3, Vec3};
 
-pub(crate) use document::{clip, invalid, within};
-
-use crate::{Bounds, Environment, Pose, Scene, SceneError, SceneLimits, SceneSummary, ViewFile};
+use crate::{Bounds, Environment, Instant, Scene, SceneError, SceneLimits, SceneSummary, ViewFile};
 use accessor::Reader;
+use check::{clip, within};
 use document::Document;
 use source::{Container, Source};
 
@@ -50,17 +49,17 @@ const MAX_WARNINGS: usize = 64;
 pub struct LoadOptions {
     /// Bounds on what the file may ask for.
     pub limits: SceneLimits,
-    /// Cameras, environment, exposure and pose; where `None`, [`load_file`] looks for `<stem>.json` beside the scene.
+    /// Cameras, environment, exposure and instant; where `None`, [`load_file`] looks for `<stem>.json` beside the scene.
     pub view: Option<ViewFile>,
     /// Instant of an animation; overrides the view file's.
-    pub pose: Option<Pose>,
+    pub instant: Option<Instant>,
     /// Environment; overrides the view file's.
     pub environment: Option<Environment>,
 }
 
 /// Loads a `.glb` or `.gltf` file. Buffers and images beside it are read from its folder only.
 pub fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let started = Instant::now();
+    let started = std::time::Instant::now();
     let read_error = |source| SceneError::Read { path: path.display().to_string(), source };
     let length = std::fs::metadata(path).map_err(read_error)?.len();
     within("file bytes", length, options.limits.max_file_bytes)?;
@@ -78,7 +77,7 @@ pub fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError
 /// Loads an uploaded GLB, or glTF JSON whose buffers and images are all `data:` URIs. `name` is for people only.
 pub fn load_bytes(bytes: &[u8], name: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
     let view = options.view.clone().unwrap_or_default();
-    load(bytes, name, None, view, options, Instant::now())
+    load(bytes, name, None, view, options, std::time::Instant::now())
 }
 
 fn load(
@@ -87,7 +86,7 @@ fn load(
     directory: Option<Dir>,
     view: ViewFile,
     options: &LoadOptions,
-    started: Instant,
+    started: std::time::Instant,
 ) -> Result<Scene, SceneError> {
     let limits = &options.limits;
     let mut source = Source::new(bytes, directory, limits)?;
@@ -102,8 +101,8 @@ fn load(
     let materials = material::load_materials(&document, &mut wanted, limits)?;
     let textures = wanted.load(&reader, &mut source, limits)?;
 
-    let pose = options.pose.as_ref().or(view.pose.as_ref());
-    let posed = animation::sample_pose(&reader, pose)?;
+    let instant = options.instant.as_ref().or(view.instant.as_ref());
+    let posed = animation::sample(&reader, instant)?;
     let hierarchy = hierarchy::Hierarchy::walk(&document, &posed, limits)?;
     let inputs =
         assemble::Inputs { reader: &reader, hierarchy: &hierarchy, posed: &posed, materials: &materials, limits };
@@ -129,7 +128,7 @@ fn load(
         warnings.push(format!("and {more} more"));
     }
     let mut scene = Scene {
-        id: identity::scene_id(source.hasher, &view, pose, &environment),
+        id: identity::scene_id(source.hasher, &view, instant, &environment),
         name: name.to_owned(),
         origin,
         bounds,

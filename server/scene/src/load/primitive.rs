@@ -1,7 +1,8 @@
 //! One primitive of a mesh, decoded: attributes by vertex and a plain triangle list.
 
 use super::accessor::Reader;
-use super::document::{Primitive, invalid};
+use super::check::invalid;
+use super::document::Primitive;
 use crate::SceneError;
 
 /// Decoded attributes; every list that is present has one entry a vertex.

@@ -7,7 +7,7 @@ use base64::Engine as _;
 use cap_std::fs::Dir;
 use sha2::{Digest, Sha256};
 
-use super::document::{clip, invalid, within};
+use super::check::{clip, invalid, within};
 use crate::{SceneError, SceneLimits};
 
 /// Main file split into its chunks.

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::{Assembled, Emitter, Inputs, Part, Parts, Placement, Use, field_of, is_emissive};
 use crate::bvh;
 use crate::geometry::{SceneGeometry, pack_color, pack_octahedral, pack_tangent};
+use crate::load::check::{invalid, within};
 use crate::load::deform::normal_matrix;
 use crate::load::primitive::PrimitiveData;
-use crate::load::{invalid, within};
 use crate::{AlphaMode, Bounds, BvhTriangle, Geometry, Instance, PackedVertex, SceneError, TriangleRecord};
 
 /// A hierarchy to be built: the triangles of the scene that belong to it.
