@@ -15,12 +15,13 @@ pub mod constants;
 mod features;
 pub mod layout;
 mod link;
+mod mangle;
 pub mod records;
 mod reflect;
 pub mod twin;
 
 pub use catalogue::{KernelInfo, Module, kernels, modules};
-pub use features::{Feature, Features};
+pub use features::Features;
 pub use link::{LinkError, LinkedKernel, link, link_source, validate};
 pub use reflect::{Access, Binding, FRAGMENT_SUFFIX, MemberLayout, Reflection, StructLayout, VERTEX_SUFFIX};
 

@@ -1,19 +1,15 @@
-//! From a kernel and a set of features to plain WGSL. The only file that knows the WESL crate.
-//!
-//! Names imported from another module are written `module_path__name`, which is readable and can be undone; a double
-//! underscore is therefore not allowed in a name of our own.
+//! From a kernel and a set of features to plain WGSL, by the WESL crate.
 
 use std::borrow::Cow;
 
 use sha2::{Digest, Sha256};
 use wesl::syntax::PathOrigin;
-use wesl::{
-    CompileOptions, Feature as Condition, Features as Conditions, Mangler, ModulePath, ResolveError, Resolver, Wesl,
-};
+use wesl::{CompileOptions, Feature as Condition, Features as Conditions, ModulePath, ResolveError, Resolver, Wesl};
 
 use crate::catalogue::{self, KernelInfo};
+use crate::mangle::{self, PathMangler};
 use crate::reflect::{self, Reflection};
-use crate::{Feature, Features, constants};
+use crate::{Features, constants};
 
 /// Why a kernel could not be linked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -85,12 +81,10 @@ fn link_root(info: &KernelInfo, text: Option<&str>, features: Features) -> Resul
     let kernel = info.name.clone();
     let resolver = Sources { root: text.map(|text| (info, text)), constants: constants::module_text() };
     let mut compiler = Wesl::new_barebones().set_custom_resolver(resolver);
-    let flags = Feature::ALL.iter().map(|&feature| {
-        let state = if features.contains(feature) { Condition::Enable } else { Condition::Disable };
-        (feature.condition().to_owned(), state)
-    });
+    let on = features.conditions().map(|condition| (condition, Condition::Enable));
+    let off = features.complement().conditions().map(|condition| (condition, Condition::Disable));
     // An unknown condition is a typing error, never a switch that is off.
-    let features_of_wesl = Conditions { default: Condition::Error, flags: flags.collect() };
+    let features_of_wesl = Conditions { default: Condition::Error, flags: on.chain(off).collect() };
     compiler.set_options(CompileOptions { features: features_of_wesl, ..CompileOptions::default() });
     compiler.use_sourcemap(true);
     compiler.set_custom_mangler(PathMangler);
@@ -149,7 +143,7 @@ fn origin_of(wgsl: &str, offset: Option<usize>, root: &KernelInfo, root_text: Op
     let line = wgsl.get(before.rfind('\n').map_or(0, |at| at + 1)..).and_then(|rest| rest.lines().next());
     let declared = line.into_iter().chain(before.lines().rev()).find_map(declared_name);
     let Some(mangled) = declared else { return root.file.clone() };
-    let (path, name) = split_mangled(mangled);
+    let (path, name) = mangle::split(mangled);
     let (file, text) = match path {
         None => (root.file.as_str(), root_text.or_else(|| catalogue::module(&root.path).map(|m| m.text.as_str()))),
         Some(path) => {
@@ -178,28 +172,6 @@ fn declared_name(line: &str) -> Option<&str> {
             words.find(|word| !matches!(*word, "storage" | "uniform" | "private" | "workgroup" | "read" | "read_write"))
         }
         _ => words.next(),
-    }
-}
-
-const SEPARATOR: &str = "__";
-
-/// The name without the module it came from.
-pub(crate) fn unmangle(mangled: &str) -> &str {
-    split_mangled(mangled).1
-}
-
-fn split_mangled(mangled: &str) -> (Option<&str>, &str) {
-    match mangled.split_once(SEPARATOR) {
-        Some((path, name)) => (Some(path), name),
-        None => (None, mangled),
-    }
-}
-
-struct PathMangler;
-
-impl Mangler for PathMangler {
-    fn mangle(&self, path: &ModulePath, item: &str) -> String {
-        format!("{}{SEPARATOR}{item}", path.components.join("_"))
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{AddressSpace, ArraySize, EntryPoint, Module, ShaderStage, StorageAccess, TypeInner};
 
-use crate::link::unmangle;
+use crate::mangle::unmangle;
 
 /// What a kernel may do with a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

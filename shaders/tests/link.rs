@@ -4,9 +4,7 @@
 use std::collections::BTreeSet;
 
 use surfelcast_shaders::naga::valid::Capabilities;
-use surfelcast_shaders::{
-    Access, Feature, Features, LinkError, LinkedKernel, kernels, layout, link, link_source, validate,
-};
+use surfelcast_shaders::{Access, Features, LinkError, LinkedKernel, kernels, layout, link, link_source, validate};
 
 fn linked(text: &str, features: Features) -> LinkedKernel {
     link_source("probe", text, features).unwrap_or_else(|error| panic!("{error}"))
@@ -45,8 +43,8 @@ fn a_kernel_is_linked_and_reflected() {
 #[test]
 fn a_feature_adds_its_binding_and_changes_the_hash() {
     let plain = linked(PROBE, Features::NONE);
-    let textured = linked(PROBE, Features::NONE.with(Feature::Textures));
-    let unrelated = linked(PROBE, Features::NONE.with(Feature::Unlit));
+    let textured = linked(PROBE, Features::TEXTURES);
+    let unrelated = linked(PROBE, Features::UNLIT);
     assert_eq!(textured.reflection.bindings.len(), plain.reflection.bindings.len() + 1);
     assert_ne!(plain.hash, textured.hash);
     assert_eq!(plain.hash, unrelated.hash, "a feature the kernel does not mention must not make a new variant");

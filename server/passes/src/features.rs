@@ -1,7 +1,7 @@
 //! Structural switches from what is in the scene. The one place that decides them.
 
 use surfelcast_scene::SceneSummary;
-use surfelcast_shaders::{Feature, Features};
+use surfelcast_shaders::Features;
 
 use crate::materials::MaterialMode;
 
@@ -14,41 +14,41 @@ pub fn features_for(
 ) -> Features {
     let is_pbr = materials == MaterialMode::Pbr;
     let switches = [
-        (Feature::Instances, summary.has_instances),
-        (Feature::Textures, summary.has_textures),
-        (Feature::NormalMaps, is_pbr && summary.has_normal_maps),
-        (Feature::VertexColors, summary.has_vertex_colors),
-        (Feature::Alpha, summary.has_alpha),
-        (Feature::Transmission, is_pbr && summary.has_transmission),
-        (Feature::Environment, summary.has_environment),
-        (Feature::EmissiveTriangles, summary.emissive_triangle_count > 0),
-        (Feature::PunctualLights, has_punctual_lights),
-        (Feature::Pbr, is_pbr),
-        (Feature::Unlit, is_pbr && summary.has_unlit),
-        (Feature::Split, is_split),
+        (Features::INSTANCES, summary.has_instances),
+        (Features::TEXTURES, summary.has_textures),
+        (Features::NORMAL_MAPS, is_pbr && summary.has_normal_maps),
+        (Features::VERTEX_COLORS, summary.has_vertex_colors),
+        (Features::ALPHA, summary.has_alpha),
+        (Features::TRANSMISSION, is_pbr && summary.has_transmission),
+        (Features::ENVIRONMENT, summary.has_environment),
+        (Features::EMISSIVE_TRIANGLES, summary.emissive_triangle_count > 0),
+        (Features::PUNCTUAL_LIGHTS, has_punctual_lights),
+        (Features::PBR, is_pbr),
+        (Features::UNLIT, is_pbr && summary.has_unlit),
+        (Features::SPLIT, is_split),
     ];
-    switches.into_iter().filter(|(_, is_on)| *is_on).fold(Features::NONE, |set, (feature, _)| set.with(feature))
+    switches.into_iter().filter(|(_, is_on)| *is_on).map(|(feature, _)| feature).collect()
 }
 
 /// The variant that serves any scene with these materials.
 pub fn general_features(materials: MaterialMode, is_split: bool) -> Features {
-    // How a cache is applied is chosen, whatever the scene.
-    let any_scene = Features::ALL.without(Feature::Splat);
-    any_scene.set(Feature::Pbr, materials == MaterialMode::Pbr).set(Feature::Split, is_split)
+    // A technique chooses its form of kernels whatever the scene.
+    let any_scene = Features::ALL.with(Features::ALTERNATE, false);
+    any_scene.with(Features::PBR, materials == MaterialMode::Pbr).with(Features::SPLIT, is_split)
 }
 
 /// Parts of the kernels that were left out, with the reason, for the statistics.
 pub fn skipped_parts(features: Features) -> Vec<(&'static str, &'static str)> {
-    const REASONS: [(Feature, &str, &str); 9] = [
-        (Feature::Instances, "top_level_traversal", "all geometry is in one hierarchy"),
-        (Feature::Textures, "texture_lookup", "no textures"),
-        (Feature::NormalMaps, "normal_mapping", "no normal maps, or lambert materials"),
-        (Feature::VertexColors, "vertex_color", "no vertex colours"),
-        (Feature::Alpha, "alpha_test", "no masked or blended material"),
-        (Feature::Transmission, "transmission", "no transmissive material, or lambert materials"),
-        (Feature::Environment, "environment", "no environment"),
-        (Feature::EmissiveTriangles, "emissive_triangles", "no emissive material"),
-        (Feature::PunctualLights, "punctual_lights", "no punctual light"),
+    const REASONS: [(Features, &str, &str); 9] = [
+        (Features::INSTANCES, "top_level_traversal", "all geometry is in one hierarchy"),
+        (Features::TEXTURES, "texture_lookup", "no textures"),
+        (Features::NORMAL_MAPS, "normal_mapping", "no normal maps, or lambert materials"),
+        (Features::VERTEX_COLORS, "vertex_color", "no vertex colours"),
+        (Features::ALPHA, "alpha_test", "no masked or blended material"),
+        (Features::TRANSMISSION, "transmission", "no transmissive material, or lambert materials"),
+        (Features::ENVIRONMENT, "environment", "no environment"),
+        (Features::EMISSIVE_TRIANGLES, "emissive_triangles", "no emissive material"),
+        (Features::PUNCTUAL_LIGHTS, "punctual_lights", "no punctual light"),
     ];
     REASONS
         .into_iter()

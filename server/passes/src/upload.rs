@@ -3,12 +3,12 @@
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_scene::{AlphaMode, Environment, Material, Scene, SceneSummary, Texture, TextureRef, Wrap};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
 use surfelcast_shaders::records::{
     AliasEntry, BvhTriangle, GeometryRecord, InstanceRecord, LightTriangle, MaterialRecord, TextureUse, geometry_flags,
     material_flags,
 };
-use surfelcast_shaders::{Feature, Features};
 
 /// No texture, no light.
 const NO_INDEX: u32 = u32::MAX;
@@ -162,7 +162,7 @@ impl SceneBuffers {
 
     /// Where a kernel's variant starts to traverse.
     pub(crate) fn traversal_root(&self, features: Features) -> u32 {
-        if features.contains(Feature::Instances) { self.top_root } else { self.first_root }
+        if features.contains(Features::INSTANCES) { self.top_root } else { self.first_root }
     }
 
     /// Binds to a pass every scene buffer its kernel uses.

@@ -118,7 +118,7 @@ impl RunningJob {
             }
         }
         let is_biased = matches!((entry.conformance)(&job.surfel), Conformance::Biased { .. });
-        let audited = technique.features().set(surfelcast_shaders::Feature::Split, false);
+        let audited = technique.features().with(Features::SPLIT, false);
         let audit = (job.aov.is_none()).then(|| Audit::new(gpu, audited, job.size, job.seed)).transpose()?;
         Ok(Self {
             view: FrameView { camera: job.camera, size: job.size, exposure: job.exposure },

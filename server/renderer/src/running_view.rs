@@ -9,7 +9,7 @@ use surfelcast_passes::first_surface;
 use surfelcast_passes::merge_passes;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_passes::tone_map::tone_map;
-use surfelcast_shaders::Feature;
+use surfelcast_shaders::Features;
 use surfelcast_techniques::technique::{Change, Technique, TechniqueOptions};
 use surfelcast_techniques::{
     Audit, FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
@@ -319,7 +319,7 @@ impl RunningView {
     ) -> Result<(), RendererError> {
         let size = self.render_size();
         let needs_features =
-            |work: &Work| work.technique.features().contains(Feature::PunctualLights) == (lights.punctual_count > 0);
+            |work: &Work| work.technique.features().contains(Features::PUNCTUAL_LIGHTS) == (lights.punctual_count > 0);
         if self
             .work
             .as_ref()

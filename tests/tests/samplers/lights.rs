@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 use surfelcast_gpu::{Gpu, Kernel};
 use surfelcast_scene::glb::GlbBuilder;
 use surfelcast_scene::{Environment, EnvironmentMap, LoadOptions, PunctualKind, Scene, load_bytes};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::twin::scene::environment::{environment_texel, environment_uv};
-use surfelcast_shaders::{Feature, Features};
 use surfelcast_techniques::{LightBuffers, LightState, SceneBuffers};
 
 use crate::device;
@@ -276,7 +276,7 @@ const NORMALS: [Vec3; 3] = [Vec3::Y, Vec3::new(0.6, 0.8, 0.0), Vec3::new(-0.6, 0
 
 #[test]
 fn emissive_triangles_give_their_irradiance() {
-    let bench = Bench::new(scene(emitters), Features::NONE.with(Feature::EmissiveTriangles));
+    let bench = Bench::new(scene(emitters), Features::EMISSIVE_TRIANGLES);
     assert_eq!(bench.lights.triangle_count, 4);
     let position = place(&bench.scene, DVec3::ZERO);
     for normal in NORMALS {
@@ -286,7 +286,7 @@ fn emissive_triangles_give_their_irradiance() {
 
 #[test]
 fn punctual_lights_give_their_irradiance() {
-    let bench = Bench::new(scene(some_punctual), Features::NONE.with(Feature::PunctualLights));
+    let bench = Bench::new(scene(some_punctual), Features::PUNCTUAL_LIGHTS);
     assert_eq!(bench.lights.punctual_count, 4);
     let position = place(&bench.scene, DVec3::ZERO);
     for normal in NORMALS {
@@ -300,7 +300,7 @@ fn an_environment_image_gives_its_irradiance_and_its_density_is_what_is_drawn() 
     sky.punctual_lights.clear();
     sky.environment = environment();
     let Environment::Map(map) = sky.environment.clone() else { unreachable!("built as an image") };
-    let bench = Bench::new(sky, Features::NONE.with(Feature::Environment));
+    let bench = Bench::new(sky, Features::ENVIRONMENT);
     assert_eq!(bench.lights.environment_count, 1);
     for normal in NORMALS {
         expect("environment", bench.irradiance(Vec3::ZERO, normal), environment_irradiance(&map, normal));
@@ -353,10 +353,9 @@ fn all_kinds_together_add_up_and_both_strategies_state_one_density() {
     });
     all.environment = environment();
     let Environment::Map(map) = all.environment.clone() else { unreachable!("built as an image") };
-    let features =
-        [Feature::EmissiveTriangles, Feature::PunctualLights, Feature::Environment].into_iter().collect::<Features>();
+    let features = Features::EMISSIVE_TRIANGLES | Features::PUNCTUAL_LIGHTS | Features::ENVIRONMENT;
     // The special variant and the general one draw the same.
-    let drawn: Vec<Vec<DrawnLight>> = [features, features.with(Feature::Textures).with(Feature::Pbr)]
+    let drawn: Vec<Vec<DrawnLight>> = [features, features | Features::TEXTURES | Features::PBR]
         .map(|features| {
             let mut again = scene(|glb| {
                 emitters(glb);

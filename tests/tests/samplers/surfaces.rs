@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::MaterialRecord;
-use surfelcast_shaders::{Feature, Features};
 
 use crate::device;
 use crate::statistics::mean_and_error;
@@ -90,7 +90,7 @@ const ANGLES: [f32; 5] = [-1.5, -0.9, 0.0, 0.7, 1.45];
 
 #[test]
 fn mapped_normals_neither_gain_energy_nor_turn_black() {
-    let bench = Bench::new(Features::NONE.with(Feature::Pbr));
+    let bench = Bench::new(Features::PBR);
     for view in ANGLES {
         for tilt in [-1.3, -0.5, 0.0, 0.5, 1.3_f32] {
             for (metallic, roughness) in [(0.0, 1.0), (1.0, 1.0), (1.0, 0.35), (0.0, 0.35)] {
@@ -130,7 +130,7 @@ fn the_lambert_variant_is_white_from_everywhere() {
 
 #[test]
 fn both_sides_scatter_alike() {
-    for features in [Features::NONE, Features::NONE.with(Feature::Pbr)] {
+    for features in [Features::NONE, Features::PBR] {
         let bench = Bench::new(features);
         for view in ANGLES {
             let front = SurfaceUniforms {

@@ -6,9 +6,9 @@ use surfelcast_gpu::MemoryKind;
 use surfelcast_scene::glb::GlbBuilder;
 use surfelcast_scene::trace::closest_hit;
 use surfelcast_scene::{LoadOptions, Scene, load_bytes};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::twin::core::rng::{PathKey, random4};
-use surfelcast_shaders::{Feature, Features};
 use surfelcast_techniques::SceneBuffers;
 
 use crate::device;
@@ -79,7 +79,7 @@ fn compare(scene: &Scene, features: Features) {
     let ray_buffer = gpu.buffer("rays", MemoryKind::Scene, size_of_val(rays.as_slice()) as u64).expect("fits");
     gpu.upload(&ray_buffer, 0, bytemuck::cast_slice(&rays)).expect("uploads");
     let first_root = scene.geometry.instances.first().map_or(0, |instance| instance.root_node);
-    let root = if features.contains(Feature::Instances) { scene.geometry.top_root } else { first_root };
+    let root = if features.contains(Features::INSTANCES) { scene.geometry.top_root } else { first_root };
     let hits: Vec<[u32; 2]> = device::run(&gpu, &kernel, "hits", RAYS, |pass| {
         buffers.bind(pass).uniform("batch", bytemuck::bytes_of(&[RAYS, root, 0, 0])).read("rays", &ray_buffer)
     });
@@ -113,7 +113,7 @@ fn one_hierarchy_gives_the_same_hits() {
 fn two_levels_give_the_same_hits() {
     let scene = soup(6000, 1.0, true);
     assert!(scene.summary.has_instances);
-    compare(&scene, Features::NONE.with(Feature::Instances));
+    compare(&scene, Features::INSTANCES);
 }
 
 #[test]

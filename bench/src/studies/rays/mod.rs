@@ -16,7 +16,7 @@ use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
 use surfelcast_measure::shared_folder;
 use surfelcast_scene::trace::{Hit, closest_hit};
 use surfelcast_scene::{Scene, SceneGeometry};
-use surfelcast_shaders::{Feature, Features};
+use surfelcast_shaders::Features;
 use surfelcast_techniques::SceneBuffers;
 
 use crate::report::{TableArgs, device_name, open_gpu};
@@ -68,7 +68,7 @@ struct Tracer {
 impl Tracer {
     fn new(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Result<Self, Failure> {
         let has_instances = scene.summary.has_instances;
-        let features = if has_instances { Features::NONE.with(Feature::Instances) } else { Features::NONE };
+        let features = if has_instances { Features::INSTANCES } else { Features::NONE };
         let first_root = scene.geometry.instances.first().map_or(0, |instance| instance.root_node);
         let buffer = gpu.buffer("rays", MemoryKind::Scene, size_of_val(rays) as u64)?;
         gpu.upload(&buffer, 0, bytemuck::cast_slice(rays))?;

@@ -5,7 +5,7 @@ mod drawing;
 use std::time::{Duration, Instant};
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, GpuOptions, Kernel, MemoryKind, PassTiming, adapters};
-use surfelcast_shaders::{Feature, Features};
+use surfelcast_shaders::Features;
 
 const DOUBLE: &str = "
 import package::constants::WORKGROUP_SIZE;
@@ -183,8 +183,7 @@ fn many_graphs_can_be_on_their_way() {
 #[test]
 fn features_choose_the_variant_and_equal_texts_share_a_pipeline() {
     let setup = setup();
-    let negative =
-        setup.gpu.kernel_from_source("double", DOUBLE, Features::NONE.with(Feature::Unlit)).expect("compiles");
+    let negative = setup.gpu.kernel_from_source("double", DOUBLE, Features::UNLIT).expect("compiles");
     let flipped = Setup { kernel: negative, ..setup };
     assert_eq!(flipped.run(2.0).expect("runs")[3], -7.0);
 }

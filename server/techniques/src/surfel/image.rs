@@ -5,9 +5,9 @@
 //! makes to B is added to the picture; what no surfel lights stays as it is.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, SurfelUniforms};
-use surfelcast_shaders::{Feature, Features};
 
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::graph::SurfelGraph;
@@ -68,7 +68,7 @@ impl ImageReconstruction {
         Ok(Some(Self {
             scheme: options.surfel.image,
             edges: gpu.kernel("image_edges", Features::NONE)?,
-            compose: gpu.kernel("image_compose", Features::NONE.set(Feature::Split, options.is_split))?,
+            compose: gpu.kernel("image_compose", Features::NONE.with(Features::SPLIT, options.is_split))?,
             solver: PoissonSolver::new(gpu, options.size, settings)?,
             slopes: buffer("pixel_slopes", 3)?,
             values: buffer("image_values", 1)?,

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::constants::SURFEL_COARSENESS;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, VisiblePoint};
-use surfelcast_shaders::{Feature, Features};
 
 use crate::session::SessionState;
 use crate::surfel::cache::{SurfelCache, UpdateStage, cache_camera};
@@ -19,7 +19,7 @@ use crate::surfel::kernels_for;
 use crate::surfel::reuse::EarlierFrame;
 use crate::surfel::settle::{FRAMES_BEFORE, Settle};
 use crate::surfel::spawn::Asking;
-use crate::surfel::splat::Splat;
+use crate::surfel::splat::{SPLAT, Splat};
 use crate::surfel::work::{Work, count_rays};
 use crate::technique::{Change, Technique, TechniqueError, TechniqueOptions};
 use surfelcast_passes::features::{features_for, general_features};
@@ -137,8 +137,8 @@ impl SurfelPicture {
     ) -> Result<Self, GpuError> {
         let splat = Splat::new(gpu, options.surfel.apply, options.size)?;
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split)
-            .set(Feature::Splat, splat.is_some());
-        let general = general_features(options.materials, options.is_split).set(Feature::Splat, splat.is_some());
+            .with(SPLAT, splat.is_some());
+        let general = general_features(options.materials, options.is_split).with(SPLAT, splat.is_some());
         let kernels = KernelSet::new(gpu, kernels_for(&options.surfel), features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
@@ -156,7 +156,7 @@ impl SurfelPicture {
             samples_left: 0,
             // What is split apart is the cache's alone.
             settle: (options.surfel.settles && !options.is_split)
-                .then(|| Settle::new(options, features.set(Feature::Splat, false))),
+                .then(|| Settle::new(options, features.with(SPLAT, false))),
             frame_rays: 0,
             quiet_frames: 0,
             visible: view_buffer("visible")?,

@@ -137,8 +137,8 @@ pub(crate) struct Settle {
 }
 
 impl Settle {
-    /// For a picture of a scene with these features, which are not [`surfelcast_shaders::Feature::Split`] or
-    /// [`surfelcast_shaders::Feature::Splat`].
+    /// For a picture of a scene with these features, which are not [`surfelcast_shaders::Features::SPLIT`] or
+    /// `SPLAT`.
     pub(crate) const fn new(options: TechniqueOptions, features: Features) -> Self {
         Self { options, features, made: None, is_refused: false, ledger: Ledger::new(), counted: 0, is_shown: false }
     }

@@ -1,9 +1,9 @@
 //! Surfels drawn onto the picture instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways side by side.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime, Target};
+use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
-use surfelcast_shaders::{Feature, Features};
 
 use crate::surfel::cache::{SurfelCache, cache_camera};
 use crate::surfel::settings::Apply;
@@ -11,6 +11,9 @@ use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::upload::SceneBuffers;
 use surfelcast_passes::workgroups_of;
+
+/// Kernels read the sums of drawn surfels instead of gathering.
+pub(crate) const SPLAT: Features = Features::ALTERNATE;
 
 /// What the sums of a picture are drawn with and into.
 #[derive(Debug)]
@@ -78,7 +81,7 @@ impl SurfelCache {
         apply: Apply,
     ) -> Result<(Buffer, Vec<PassTime>), GpuError> {
         let splat = Splat::new(gpu, apply, view.size)?;
-        let features = features.set(Feature::Splat, splat.is_some());
+        let features = features.with(SPLAT, splat.is_some());
         let pixel_count = view.size[0] * view.size[1];
         let buffer = |label, bytes: usize| gpu.buffer(label, MemoryKind::View, u64::from(pixel_count) * bytes as u64);
         let visible = buffer("visible", 16)?;
