@@ -1,12 +1,12 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { centre, hasSettled, onStage, until, withBrowser } from './support/stage.js';
+import { centre, hasConverged, onStage, until, withBrowser } from './support/stage.js';
 import { colorAt } from './support/browser.js';
 
 withBrowser();
 
 /** Camera messages after the page's own first one. */
-const cameras = (server) => server.heard('camera').slice(1);
+const cameras = (server) => server.received('camera').slice(1);
 
 function assertGesture(messages) {
   assert.ok(messages.length >= 2, `${messages.length} camera messages`);
@@ -32,7 +32,7 @@ async function drag(page, { dx, dy, button = 'left', keys = [], steps = 12 }) {
 const ended = (server, count = 1) =>
   until('the gesture ends', () => cameras(server).filter(({ phase }) => phase === 'end').length >= count);
 
-test('a left drag orbits, the picture follows, and rest settles again', onStage(async ({ page, server }) => {
+test('a left drag orbits, the image follows, and converges again at rest', onStage(async ({ page, server }) => {
   const before = await colorAt(page, 0.5, 0.3);
   await drag(page, { dx: 120, dy: 40 });
   await ended(server);
@@ -46,11 +46,11 @@ test('a left drag orbits, the picture follows, and rest settles again', onStage(
   assert.equal(ring, 'none', 'the focus ring is for the keyboard');
   await page.keyboard.press('ArrowLeft');
   await ended(server, 2);
-  await until('the picture changes', async () => {
+  await until('the image changes', async () => {
     const after = await colorAt(page, 0.5, 0.3);
     return Math.abs(after[0] - before[0]) > 10;
   });
-  await hasSettled(page);
+  await hasConverged(page);
 }));
 
 test('Alt + left orbits too; right, middle and modified left drags pan', onStage(async ({ page, server }) => {
@@ -58,13 +58,13 @@ test('Alt + left orbits too; right, middle and modified left drags pan', onStage
   await ended(server, 1);
   assert.ok(Math.abs(cameras(server).at(-1).pose.target[0]) < 1e-9, 'orbiting keeps the target');
   let count = 1;
-  for (const wish of [{ button: 'right' }, { button: 'middle' }, { keys: ['Shift'] }, { keys: ['Control'] }]) {
+  for (const input of [{ button: 'right' }, { button: 'middle' }, { keys: ['Shift'] }, { keys: ['Control'] }]) {
     const before = cameras(server).at(-1).pose.target;
-    await drag(page, { dx: 60, dy: 0, ...wish });
+    await drag(page, { dx: 60, dy: 0, ...input });
     count += 1;
     await ended(server, count);
     const after = cameras(server).at(-1).pose.target;
-    assert.ok(Math.hypot(after[0] - before[0], after[2] - before[2]) > 0.05, JSON.stringify(wish));
+    assert.ok(Math.hypot(after[0] - before[0], after[2] - before[2]) > 0.05, JSON.stringify(input));
   }
 }));
 
@@ -79,16 +79,16 @@ test('the wheel dollies as one gesture whose deltas add up', onStage(async ({ pa
   assert.ok(Math.abs(eyeDistance(messages.at(-1).pose) - 3.5 * Math.exp(-0.5)) < 1e-6);
 }));
 
-test('a double click focuses on what is there', onStage(async ({ page, server }) => {
+test('a double click focuses on the surface', onStage(async ({ page, server }) => {
   const { box } = await centre(page);
   await page.mouse.dblclick(box.x + box.width / 4, box.y + box.height / 2);
   await ended(server);
-  const [pick] = server.heard('pick');
+  const [pick] = server.received('pick');
   assert.ok(Math.abs(pick.x - 0.25) < 0.01 && Math.abs(pick.y - 0.5) < 0.01);
   assert.deepEqual(cameras(server).at(-1).pose.target, [0.25, 0.5, -0.1]);
 }));
 
-test('clicking without moving says nothing', onStage(async ({ page, server }) => {
+test('clicking without moving sends nothing', onStage(async ({ page, server }) => {
   const { x, y } = await centre(page);
   await page.mouse.click(x, y);
   await page.waitForTimeout(400);
@@ -148,7 +148,7 @@ test('fingers: one orbits, two pinch and pan, a double tap focuses', onStage(
   async ({ page, server, context }) => {
     const cdp = await context.newCDPSession(page);
     const { x, y } = await centre(page);
-    // Fingers have a rhythm of their own, however long the browser takes to hear of it.
+    // Timestamps of touches are set, so that the speed of the browser does not matter.
     let timestamp = Date.now() / 1000;
     const touch = (type, ...points) => {
       timestamp += 0.05;
@@ -171,13 +171,13 @@ test('fingers: one orbits, two pinch and pan, a double tap focuses', onStage(
       await touch('touchStart', [x, y]);
       await touch('touchEnd');
     }
-    await until('a pick', () => server.heard('pick').length === 1);
+    await until('a pick', () => server.received('pick').length === 1);
   },
   { context: { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true } },
 ));
 
-test('resizing asks for the new size, at most ten times a second', onStage(async ({ page, server }) => {
-  // Counted where it is sent: arrival may bunch up on a busy machine.
+test('resizing requests the new size, at most ten times per second', onStage(async ({ page, server }) => {
+  // Counted at the sender: arrivals may bunch up on a busy machine.
   await page.evaluate(() => {
     window.sizesSentAt = [];
     const { send } = WebSocket.prototype;
@@ -188,7 +188,7 @@ test('resizing asks for the new size, at most ten times a second', onStage(async
   });
   for (let width = 1000; width > 860; width -= 10) await page.setViewportSize({ width, height: 700 });
   const { box } = await centre(page);
-  await until('the last size', () => server.heard('view.set').at(-1).w === Math.round(box.width));
+  await until('the last size', () => server.received('view.set').at(-1).w === Math.round(box.width));
   const times = await page.evaluate(() => window.sizesSentAt);
   assert.ok(times.length >= 1);
   for (let i = 1; i < times.length; i += 1) assert.ok(times[i] - times[i - 1] >= 95, `${times[i] - times[i - 1]} ms apart`);
@@ -202,7 +202,7 @@ test('a hidden tab pauses, and showing it resumes', onStage(async ({ page, serve
       document.dispatchEvent(new Event('visibilitychange'));
     }, hidden);
   await setHidden(true);
-  await until('pause', () => server.heard('view.set').at(-1).paused === true);
+  await until('pause', () => server.received('view.set').at(-1).paused === true);
   await setHidden(false);
-  await until('resume', () => server.heard('view.set').at(-1).paused === false);
+  await until('resume', () => server.received('view.set').at(-1).paused === false);
 }));

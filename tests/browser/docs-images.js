@@ -1,5 +1,5 @@
 /**
- * Writes the pictures of the page in docs/: desktop and phone, light and dark, from the real server.
+ * Writes the screenshots of the page in docs/: desktop and phone, light and dark, from the real server.
  *
  *   node docs-images.js [FOLDER]
  */
@@ -16,9 +16,9 @@ const PAGES = [
   { name: 'page-desktop-dark', width: 1440, height: 900, colorScheme: 'dark' },
   { name: 'page-phone', width: 390, height: 844, colorScheme: 'dark' },
 ];
-/** Samples a pixel: enough for a picture that shows no noise, few enough for a software device. */
+/** Samples per pixel: enough for an image without visible noise, few enough for a software device. */
 const SAMPLES = Number(process.env.SAMPLES ?? 128);
-const SETTLE_MS = 900_000;
+const CONVERGE_MS = 900_000;
 
 const folder = process.argv[2] ?? fileURLToPath(new URL('../../docs', import.meta.url));
 await mkdir(folder, { recursive: true });
@@ -29,7 +29,7 @@ try {
   for (const { name, width, height, colorScheme } of PAGES) {
     const page = await browser.newPage({ viewport: { width, height }, colorScheme, reducedMotion: 'reduce' });
     await page.goto(`${server.address}/?max_spp=${SAMPLES}`);
-    await page.locator('#hud[data-state=settled]').waitFor({ timeout: SETTLE_MS });
+    await page.locator('#hud[data-state=converged]').waitFor({ timeout: CONVERGE_MS });
     await page.screenshot({ path: join(folder, `${name}.jpg`), type: 'jpeg', quality: 85 });
     await page.close();
     console.log(join(folder, `${name}.jpg`));

@@ -15,8 +15,8 @@ test('on a phone nothing overflows and the panels are closed', onStage(async ({ 
   assert.equal(await page.locator('#view-panel').isVisible(), false);
 }, phone));
 
-for (const [tab, content] of [['View', '#view-panel'], ['Lights', '#lights-panel'], ['Figures', '#stats-panel']]) {
-  test(`on a phone the ${tab} sheet opens without covering the picture's centre`, onStage(async ({ page }) => {
+for (const [tab, content] of [['View', '#view-panel'], ['Lights', '#lights-panel'], ['Statistics', '#stats-panel']]) {
+  test(`on a phone the ${tab} sheet opens without covering the centre of the image`, onStage(async ({ page }) => {
     await page.getByRole('button', { name: tab, exact: true }).tap();
     assert.equal(await page.locator(content).isVisible(), true);
     const view = await page.locator('surfelcast-view').boundingBox();
@@ -27,7 +27,7 @@ for (const [tab, content] of [['View', '#view-panel'], ['Lights', '#lights-panel
   }, phone));
 }
 
-test('what a finger must hit on a phone is large enough', onStage(async ({ page }) => {
+test('touch targets on a phone are large enough', onStage(async ({ page }) => {
   const small = await page.evaluate(() =>
     [...document.querySelectorAll('.bar button, .bar a, .bar select, .tabs button')]
       .map((element) => ({ name: element.textContent.trim(), box: element.getBoundingClientRect() }))
@@ -67,12 +67,12 @@ test('every control has a name, and the keyboard reaches all of them', onStage(a
       }),
     );
   }
-  assert.ok([...seen].some((tag) => tag.startsWith('SURFELCAST-VIEW')), 'the picture too');
+  assert.ok([...seen].some((tag) => tag.startsWith('SURFELCAST-VIEW')), 'the view too');
   assert.ok(seen.size >= expected, `reached ${seen.size} of ${expected}`);
 }));
 
 for (const colorScheme of ['light', 'dark']) {
-  test(`text stands out from its ground in ${colorScheme}`, onStage(
+  test(`text has sufficient contrast in ${colorScheme}`, onStage(
     async ({ page }) => {
       assert.deepEqual(await poorContrast(page, '#sheet *, .bar *'), []);
     },

@@ -1,10 +1,10 @@
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { hasSettled, onStage, until, withBrowser } from './support/stage.js';
+import { hasConverged, onStage, until, withBrowser } from './support/stage.js';
 
 withBrowser();
 
-const lights = (server) => server.heard('light');
+const lights = (server) => server.received('light');
 
 test('lights are listed, edited, added and removed', onStage(async ({ page, server }) => {
   const panel = page.locator('#lights-panel');
@@ -136,9 +136,9 @@ test('echoes of earlier edits do not undo later ones', onStage(async ({ page, se
   await lamp.locator('summary').click();
   const value = (name) => panel.getByRole('spinbutton', { name: new RegExp(`^${name}`) }).inputValue();
   const step = (1.75 / 400) * 10;
-  // A slow line: edits arrive, but neither echo nor picture comes back by itself.
+  // A slow connection: edits arrive, but the test decides when echo and frame come back.
   const { client } = server;
-  const tell = client.sendLights.bind(client);
+  const sendLights = client.sendLights.bind(client);
   client.sendLights = () => {};
   server.silent = true;
   const handle = lamp.getByRole('button', { name: /Move along X/ });
@@ -149,7 +149,7 @@ test('echoes of earlier edits do not undo later ones', onStage(async ({ page, se
   await until('the second edit', () => lights(server).length === 2);
   const twice = server.lights;
   server.lights = { ...once, environment_strength: 3 };
-  tell();
+  sendLights();
   await until('the echo of the first, with what somebody else did', async () => (await value('Environment')) === '3');
   server.lights = twice;
   await handle.press('ArrowRight');
@@ -157,14 +157,14 @@ test('echoes of earlier edits do not undo later ones', onStage(async ({ page, se
   const [x] = lights(server).at(-1).patch.set.position;
   assert.ok(Math.abs(x - 0.5 - 3 * step) < 1e-9, `three steps of ${step} from 0.5 to ${x}`);
 
-  // Once the picture shows the edits, the server's word counts again; a refusal ends the wait too.
+  // Once a frame contains the edits, the server's state is shown again; also after a refusal.
   server.editLights({ set: { ...server.lights.lights[1], position: [7, 1, 0] }, emissive_strength: 4 });
-  tell();
+  sendLights();
   await until('the rest', async () => (await value('Emission')) === '4');
   assert.notEqual(await value('Position X'), '7');
   server.silent = false;
   client.touch();
-  await until('the picture', async () => (await value('Position X')) === '7');
+  await until('the frame', async () => (await value('Position X')) === '7');
   server.silent = true;
   await handle.press('ArrowRight');
   await until('the fourth edit', () => lights(server).length === 4);
@@ -178,18 +178,18 @@ test('exposure is sent as a factor, technique by its id, and both survive a reco
     const exposure = page.locator('#view-panel').getByRole('spinbutton', { name: /Exposure/ });
     await exposure.fill('2');
     await exposure.press('Enter');
-    await until('the factor', () => server.heard('view.set').at(-1).exposure === 4);
+    await until('the factor', () => server.received('view.set').at(-1).exposure === 4);
     await page.getByLabel('Technique').selectOption('surfel');
-    await until('the technique', () => server.heard('view.set').at(-1).technique === 'surfel');
+    await until('the technique', () => server.received('view.set').at(-1).technique === 'surfel');
     assert.match(await page.locator('#view-panel').innerText(), /Persistent cache of indirect light/);
     server.client.socket.terminate();
-    await until('a new connection', () => server.heard('hello').length === 2 && server.heard('view.set').at(-1).w);
-    const wishes = server.heard('view.set').at(-1);
-    assert.deepEqual([wishes.exposure, wishes.technique], [4, 'surfel']);
+    await until('a new connection', () => server.received('hello').length === 2 && server.received('view.set').at(-1).w);
+    const settings = server.received('view.set').at(-1);
+    assert.deepEqual([settings.exposure, settings.technique], [4, 'surfel']);
   },
 ));
 
-test('import warnings are there to be read', onStage(async ({ page }) => {
+test('import warnings are shown', onStage(async ({ page }) => {
   const warnings = page.locator('.warnings');
   await warnings.locator('summary').click();
   assert.match(await warnings.innerText(), /1 note from the import\s+KHR_materials_clearcoat/);
@@ -197,26 +197,26 @@ test('import warnings are there to be read', onStage(async ({ page }) => {
 
 test('scenes can be switched', onStage(async ({ page, server }) => {
   await page.getByLabel('Scene', { exact: true }).selectOption({ label: 'Interior' });
-  await until('a new stream', () => server.heard('hello').length === 2);
+  await until('a new stream', () => server.received('hello').length === 2);
   await until('its title', async () => (await page.title()) === 'Interior · surfelcast');
-  const hello = server.heard('hello').at(-1);
+  const hello = server.received('hello').at(-1);
   assert.equal('resume' in hello, false, 'the token belongs to the other session');
   // A scene without cameras of its own is framed as a whole.
   const { pose } = await until('its camera', () => server.messages.slice(server.messages.indexOf(hello)).find(({ t }) => t === 'camera'));
   assert.deepEqual(pose.target, [0, 1, 0]);
   assert.ok(pose.eye[2] > 3 && pose.eye[0] > 1);
-  await hasSettled(page);
+  await hasConverged(page);
 }));
 
 const glb = { name: 'room.glb', mimeType: 'model/gltf-binary', buffer: Buffer.from('glTF') };
 
 test('an uploaded file is opened', onStage(async ({ page, server }) => {
   await page.locator('#file').setInputFiles(glb);
-  await until('its stream', () => server.heard('hello').length === 2);
+  await until('its stream', () => server.received('hello').length === 2);
   assert.equal(await page.getByLabel('Scene', { exact: true }).evaluate((select) => select.selectedOptions[0].text), 'Interior');
 }));
 
-test('a refused upload is told in the words of the server', onStage(
+test('a refused upload shows the message of the server', onStage(
   async ({ page }) => {
     await page.locator('#file').setInputFiles(glb);
     const toast = page.locator('#toasts .toast');
@@ -236,7 +236,7 @@ test('a refused upload is told in the words of the server', onStage(
   },
 ));
 
-test('a dropped file is opened, and one of another kind is refused kindly', onStage(async ({ page, server }) => {
+test('a dropped file is opened, and one of another kind is refused', onStage(async ({ page, server }) => {
   const drop = (name) =>
     page.evaluate((fileName) => {
       const data = new DataTransfer();
@@ -248,10 +248,10 @@ test('a dropped file is opened, and one of another kind is refused kindly', onSt
   await drop('holiday.jpg');
   await page.getByText('holiday.jpg is not a .glb file').waitFor();
   await drop('room.glb');
-  await until('its stream', () => server.heard('hello').length === 2);
+  await until('its stream', () => server.received('hello').length === 2);
 }));
 
-test('what the server refuses is shown', onStage(async ({ page, server }) => {
+test('refusals of the server are shown', onStage(async ({ page, server }) => {
   server.client.send({ t: 'error', code: 'too_many_lights', detail: 'the session has 256 lights, the limit; remove one first' });
   await page.getByText('the session has 256 lights').waitFor();
 }));

@@ -1,5 +1,5 @@
 /**
- * The page against the real server: what a new user would do first, in order.
+ * The page against the real server: the first actions of a new user, in order.
  */
 
 import assert from 'node:assert/strict';
@@ -15,7 +15,7 @@ import { cardText, centre } from './support/stage.js';
 /** A software device renders slowly, and other work may share the machine. */
 const SLOW_MS = 600_000;
 
-/** Another scene than the demo may be named, to see how the page fares with it. */
+/** A scene to test with instead of the demo scenes. */
 const SCENE = process.env.SURFELCAST_SCENE ? ['--scene', process.env.SURFELCAST_SCENE] : [];
 
 /** @type {Awaited<ReturnType<typeof startServer>>} */
@@ -27,7 +27,7 @@ let page;
 let data = '';
 const errors = [];
 /** Frames of the WebSockets, by direction and kind. */
-const traffic = { pictures: 0, bytes: 0, received: [], sent: [] };
+const traffic = { frames: 0, bytes: 0, received: [], sent: [] };
 
 before(async () => {
   data = await mkdtemp(join(tmpdir(), 'surfelcast-browser-'));
@@ -47,7 +47,7 @@ before(async () => {
         traffic.received.push(payload);
         return;
       }
-      traffic.pictures += 1;
+      traffic.frames += 1;
       traffic.bytes += payload.length;
     });
     socket.on('framesent', ({ payload }) => traffic.sent.push(String(payload)));
@@ -67,17 +67,17 @@ const lastInput = () =>
     return t === 'camera' || t === 'light' ? seq : last;
   }, 0);
 
-/** Waits until the picture contains the last input and is one after which nothing follows, and the page says so. */
-async function settled() {
-  await until('a final picture with the last input', () => page.evaluate((seq) => {
+/** Waits for a final frame that contains the last input, and until the page says that it has converged. */
+async function converged() {
+  await until('a final frame with the last input', () => page.evaluate((seq) => {
     const frame = window.lastFrame;
     return frame && frame.inputSeq === seq && (frame.flags & 4) !== 0;
   }, lastInput()), SLOW_MS);
-  await page.locator('#hud[data-state=settled]').waitFor({ timeout: SLOW_MS });
+  await page.locator('#hud[data-state=converged]').waitFor({ timeout: SLOW_MS });
 }
 
-/** The picture as a coarse grid of brightness and colour. */
-const picture = () =>
+/** The image as a coarse grid of colours. */
+const image = () =>
   page.evaluate(() => {
     const { canvas } = document.querySelector('surfelcast-view');
     const small = new OffscreenCanvas(24, 18);
@@ -87,20 +87,20 @@ const picture = () =>
     return [...context.getImageData(0, 0, 24, 18).data];
   });
 
-/** Mean difference of two pictures, 0 to 255. */
+/** Mean difference of two images, 0 to 255. */
 const difference = (a, b) => a.reduce((sum, value, i) => sum + Math.abs(value - b[i]), 0) / a.length;
 
-/** Waits for a final picture that differs from an earlier one, and for the page to say that it has settled. */
-async function settledDifferently(before) {
-  await until('a different picture', async () => difference(before, await picture()) > 2, SLOW_MS);
-  await settled();
-  assert.ok(difference(before, await picture()) > 2, 'the final picture shows the change');
+/** Waits for a final image that differs from an earlier one, and until the page says that it has converged. */
+async function convergedDifferently(before) {
+  await until('a different image', async () => difference(before, await image()) > 2, SLOW_MS);
+  await converged();
+  assert.ok(difference(before, await image()) > 2, 'the final image shows the change');
 }
 
-test('the page loads and the demo scene settles', async () => {
+test('the page loads and the demo scene converges', async () => {
   await page.goto(`${server.address}/?max_spp=16&resolution=0.5`);
-  await settled();
-  const pixels = await picture();
+  await converged();
+  const pixels = await image();
   const mean = pixels.reduce((sum, value) => sum + value, 0) / pixels.length;
   const spread = Math.max(...pixels.filter((_, i) => i % 4 !== 3)) - Math.min(...pixels);
   assert.ok(mean > 70 && spread > 60, `a lit scene, not a blank: mean ${mean}, spread ${spread}`);
@@ -108,37 +108,37 @@ test('the page loads and the demo scene settles', async () => {
   assert.deepEqual(errors, []);
 });
 
-test('orbiting changes the picture, and it settles again', async () => {
-  const before = await picture();
+test('orbiting changes the image, and it converges again', async () => {
+  const before = await image();
   const { x, y } = await centre(page);
   await page.mouse.move(x, y);
   await page.mouse.down();
   await page.mouse.move(x + 60, y + 15, { steps: 8 });
   await page.mouse.up();
-  await settledDifferently(before);
+  await convergedDifferently(before);
 });
 
-test('a light edit changes the picture, and it settles again', async () => {
-  // The orbit may have led behind a wall, where a new light would shine on nothing that is seen.
+test('a light edit changes the image, and it converges again', async () => {
+  // After the orbit a wall may hide the surfaces that a new light would illuminate.
   const inputs = lastInput();
   await page.locator('surfelcast-view').locator('canvas').focus();
   await page.keyboard.press('Home');
   await until('the camera goes home', () => lastInput() > inputs);
-  await settled();
-  const before = await picture();
+  await converged();
+  const before = await image();
   await page.locator('[data-tab=lights]').click();
   await page.getByRole('button', { name: 'Add point light' }).click();
-  await settledDifferently(before);
+  await convergedDifferently(before);
   await page.locator('[data-tab=lights]').click();
 });
 
-test('exposure changes the picture', async () => {
-  const before = await picture();
+test('exposure changes the image', async () => {
+  const before = await image();
   await page.locator('[data-tab=view]').click();
   const exposure = page.getByRole('spinbutton', { name: /Exposure/ });
   await exposure.fill(String(Number(await exposure.inputValue()) - 1.5));
   await exposure.press('Enter');
-  await settledDifferently(before);
+  await convergedDifferently(before);
   await page.locator('[data-tab=view]').click();
 });
 
@@ -150,35 +150,35 @@ test('a double click focuses on a surface', async () => {
   const answer = await until('the answer', () => traffic.received.slice(before).find((text) => text.includes('"picked"')), SLOW_MS);
   assert.equal(JSON.parse(answer).position?.length, 3);
   await until('the camera turns there', () => lastInput() > inputs);
-  await settled();
+  await converged();
 });
 
-test('once settled, traffic stops', async () => {
-  await settled();
-  /** What goes over the wire in so many milliseconds, but for signs of life. */
+test('once converged, traffic stops', async () => {
+  await converged();
+  /** Messages within `ms` milliseconds, without pings. */
   const during = async (ms) => {
-    const { pictures, received, sent } = traffic;
+    const { frames, received, sent } = traffic;
     const before = [received.length, sent.length];
     await page.waitForTimeout(ms);
     const texts = [received, sent].flatMap((list, i) => list.slice(before[i])).filter((text) => !/"t":"p[io]ng"/.test(text));
-    return [traffic.pictures - pictures, texts];
+    return [traffic.frames - frames, texts];
   };
-  // The last figures and acknowledgements come after the picture.
+  // The last statistics and acknowledgements follow the frame.
   await until('quiet', async () => isDeepStrictEqual(await during(1500), [0, []]));
   assert.deepEqual(await during(5000), [0, []]);
 });
 
-test('the page comes back after the server was killed and restarted', async () => {
+test('the page reconnects after the server was killed and restarted', async () => {
   await server.kill();
-  await until('the page says so', async () => /Next try|Trying now/.test(await cardText(page)));
-  const { pictures } = traffic;
+  await until('the page says so', async () => /Next attempt|Connecting now/.test(await cardText(page)));
+  const { frames } = traffic;
   server = await startServer({ data, port: server.port, args: SCENE });
-  await until('a new picture', () => traffic.pictures > pictures, SLOW_MS);
-  await settled();
+  await until('a new frame', () => traffic.frames > frames, SLOW_MS);
+  await converged();
   await until('the message is gone', async () => (await cardText(page)) === '');
 });
 
-test('the description of the HTTP interface is there', async () => {
+test('the description of the HTTP interface is served', async () => {
   const docs = await browser.newPage();
   docs.setDefaultTimeout(SLOW_MS);
   await docs.goto(`${server.address}/docs`);

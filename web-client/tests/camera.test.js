@@ -95,7 +95,7 @@ test('a glide begins and ends exactly', () => {
   near(between(front, to, 0).eye, front.eye);
 });
 
-test('directions are spoken as people say them', () => {
+test('directions in words', () => {
   const from = (x, y, z) => spokenDirection({ ...front, eye: [x, y, z] });
   assert.equal(from(0, 0, 4), 'front');
   assert.equal(from(0, 0, -4), 'back');

@@ -21,7 +21,7 @@ function setUp() {
     decode: () =>
       new Promise((resolve, reject) => {
         const bitmap = { closed: false, close: () => (bitmap.closed = true) };
-        decodes.push({ finish: () => resolve(bitmap), fail: () => reject(new Error('bad picture')), bitmap });
+        decodes.push({ finish: () => resolve(bitmap), fail: () => reject(new Error('bad image')), bitmap });
       }),
     acknowledge: (ack) => acks.push(ack),
     present: ({ header }) => shown.push(header.frameSeq),
@@ -56,7 +56,7 @@ test('keeps one frame waiting, the newest, and counts the others as dropped', as
   assert.deepEqual(acks.map(({ seq, dropped, queue: waiting }) => [seq, dropped, waiting]), [[1, 2, 1], [4, 0, 0]]);
 });
 
-test('a picture that cannot be decoded is acknowledged too, and the next one is shown', async () => {
+test('a frame that cannot be decoded is acknowledged too, and the next one is shown', async () => {
   const { queue, acks, shown, failures, decodes, settle } = setUp();
   queue.push(message(1));
   queue.push(message(2));
@@ -64,7 +64,7 @@ test('a picture that cannot be decoded is acknowledged too, and the next one is 
   await settle();
   decodes[1].finish();
   await settle();
-  assert.deepEqual(failures, ['bad picture']);
+  assert.deepEqual(failures, ['bad image']);
   assert.deepEqual(acks.map(({ seq, dropped }) => [seq, dropped]), [[1, 1], [2, 0]]);
   assert.deepEqual(shown, [2]);
 });
@@ -81,7 +81,7 @@ test('a message that is no frame is reported and does not block', async () => {
   assert.deepEqual(acks.map(({ seq }) => seq), [5]);
 });
 
-test('a new connection hears nothing of the old one, and the old picture is freed', async () => {
+test('a new connection receives nothing of the old one, and the old bitmap is closed', async () => {
   const { queue, acks, shown, decodes, settle } = setUp();
   queue.push(message(8));
   queue.push(message(9));

@@ -13,7 +13,7 @@ function setUp() {
   return { clock, sent, gesture };
 }
 
-test('moves are merged to one a frame, the newest winning', () => {
+test('moves are merged to one per frame, the newest', () => {
   const { clock, sent, gesture } = setUp();
   for (let i = 0; i < 10; i += 1) {
     gesture.move(i);
@@ -33,7 +33,7 @@ test('start and end are never lost, even within one frame', () => {
   assert.deepEqual(sent, [['a', 'start'], ['b', 'end']]);
 });
 
-test('a click that moves nothing says nothing', () => {
+test('a click without movement sends nothing', () => {
   const { clock, sent, gesture } = setUp();
   gesture.end();
   clock.advance(1000);
@@ -41,7 +41,7 @@ test('a click that moves nothing says nothing', () => {
   assert.equal(clock.waiting, 0);
 });
 
-test('a wheel gesture sums up and ends after 200 ms of quiet', () => {
+test('a wheel gesture accumulates and ends after 200 ms of quiet', () => {
   const { clock, sent, gesture } = setUp();
   let sum = 0;
   for (let i = 0; i < 5; i += 1) {
@@ -99,7 +99,7 @@ test('the rig rests after a glide, having arrived exactly', () => {
   assert.equal(clock.waiting, 0);
 });
 
-test('a glide yields to the hand', () => {
+test('user input cancels a glide', () => {
   const { clock, sent, rig } = rigSetUp();
   rig.goToPreset(0);
   clock.advance(50);
@@ -118,7 +118,7 @@ test('with reduced motion the camera jumps in one input', () => {
   assert.deepEqual(sent.map(({ phase }) => phase), ['end']);
 });
 
-test('going where one is, or to a number without viewpoint, says nothing', () => {
+test('moving to the present pose, or to a number without viewpoint, sends nothing', () => {
   const { clock, sent, rig } = rigSetUp();
   const attempts = [
     () => rig.goTo({ ...rig.pose }),

@@ -3,7 +3,7 @@ import test from 'node:test';
 import { isAtOrAfter, next } from '../src/protocol/serial.js';
 import { InputToPhoton } from '../src/view/latency.js';
 import { Rate } from '../src/view/rate.js';
-import { pictureSize } from '../src/view/size.js';
+import { imageSize } from '../src/view/size.js';
 import { missingFeatures } from '../src/view/capabilities.js';
 
 test('sequence numbers compare across the wrap', () => {
@@ -48,7 +48,7 @@ test('latency of inputs never answered stays bounded', () => {
   assert.equal(latency.percentiles().p95 <= 256, true);
 });
 
-test('rates look back one second', () => {
+test('rates cover the last second', () => {
   const rate = new Rate();
   rate.add(0, 100);
   rate.add(500, 50);
@@ -57,21 +57,21 @@ test('rates look back one second', () => {
   assert.equal(rate.perSecond(5000), 0);
 });
 
-test('the picture has device pixels, within the limits and in proportion', () => {
+test('the image has device pixels, within the limits and in proportion', () => {
   const limits = { max_side: 4096, max_pixels: 8_300_000 };
-  assert.deepEqual(pictureSize({ width: 800, height: 600 }, 1, 1, limits), { w: 800, h: 600 });
-  assert.deepEqual(pictureSize({ width: 390.4, height: 700 }, 3, 1, limits), { w: 1171, h: 2100 });
-  assert.deepEqual(pictureSize({ width: 800, height: 600 }, 0.5, 1, limits), { w: 800, h: 600 }, 'zoomed out');
-  assert.deepEqual(pictureSize({ width: 800, height: 600 }, 2, 0.5, limits), { w: 800, h: 600 }, 'half resolution');
-  assert.deepEqual(pictureSize({ width: 0.2, height: 0 }, 1, 1, limits), { w: 1, h: 1 });
+  assert.deepEqual(imageSize({ width: 800, height: 600 }, 1, 1, limits), { w: 800, h: 600 });
+  assert.deepEqual(imageSize({ width: 390.4, height: 700 }, 3, 1, limits), { w: 1171, h: 2100 });
+  assert.deepEqual(imageSize({ width: 800, height: 600 }, 0.5, 1, limits), { w: 800, h: 600 }, 'zoomed out');
+  assert.deepEqual(imageSize({ width: 800, height: 600 }, 2, 0.5, limits), { w: 800, h: 600 }, 'half resolution');
+  assert.deepEqual(imageSize({ width: 0.2, height: 0 }, 1, 1, limits), { w: 1, h: 1 });
   for (const [width, height] of [[10_000, 10], [3000, 3000], [5120, 2880], [10, 99_999]]) {
-    const { w, h } = pictureSize({ width, height }, 2, 1, limits);
+    const { w, h } = imageSize({ width, height }, 2, 1, limits);
     assert.ok(Math.max(w, h) <= limits.max_side && w * h <= limits.max_pixels, `${w}x${h}`);
     if (Math.min(w, h) > 100) assert.ok(Math.abs(w / h - width / height) < 0.01);
   }
 });
 
-test('what a browser lacks is told in words', () => {
+test('missing features have user-visible names', () => {
   assert.ok(missingFeatures({}).some((text) => text.includes('WebSocket')));
   const all = { WebSocket: 1, createImageBitmap: 1, customElements: 1, ResizeObserver: 1, PointerEvent: 1, HTMLCanvasElement: 1 };
   assert.deepEqual(missingFeatures(all), []);

@@ -31,7 +31,7 @@ test('subprotocol and version are those of the Rust side', () => {
   assert.match(source, new RegExp(`VERSION: u32 = ${VERSION};`));
 });
 
-test('what a newer server adds is ignored', () => {
+test('additions of a newer server are ignored', () => {
   assert.equal(parseServerMessage('{"t":"presence","who":[]}'), undefined);
   assert.equal(parseServerMessage('{"t":"toString"}'), undefined);
   assert.equal(parseServerMessage('{"t":"ok","re":1,"later":true}')?.t, 'ok');
@@ -70,7 +70,7 @@ test('a light without `enabled` is on', () => {
   assert.deepEqual(parseServerMessage(text).lights.map(({ enabled }) => enabled), [true, false]);
 });
 
-test('close codes are those of the Rust side, and each has words', () => {
+test('close codes are those of the Rust side, and each has a text', () => {
   const theirs = Object.fromEntries([...rust('close.rs').matchAll(/pub const (\w+): u16 = (\d+);/g)].map(([, name, code]) => [name, Number(code)]));
   assert.deepEqual({ ...close }, theirs);
   for (const code of Object.values(close)) {
@@ -79,8 +79,8 @@ test('close codes are those of the Rust side, and each has words', () => {
   }
 });
 
-test('only what waiting can mend is tried again', () => {
+test('only transient failures are retried', () => {
   const retried = Object.entries(close).filter(([, code]) => verdictOf(code).retry).map(([name]) => name);
   assert.deepEqual(retried.sort(), ['GOING_AWAY', 'GPU_LOST', 'NO_CAPACITY', 'RATE', 'RESTART', 'TOO_SLOW', 'TRY_LATER']);
-  assert.ok(verdictOf(1006).retry, 'a broken wire');
+  assert.ok(verdictOf(1006).retry, 'an abnormal closure');
 });

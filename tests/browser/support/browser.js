@@ -18,11 +18,11 @@ export function launch() {
   return chromium.launch({ executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium', headless: true, args: FLAGS });
 }
 
-/** How long anything may take before it counts as never: a busy machine is slow, and only a failure waits this long. */
+/** Time limit of every wait: a busy machine is slow, and only a failure waits this long. */
 export const PATIENCE_MS = 60_000;
 
 /**
- * Waits until something holds, and says what did not.
+ * Waits until a condition holds, and names the one that did not.
  * @template T
  * @param {string} what
  * @param {() => T | Promise<T>} probe truthy when it holds
@@ -34,7 +34,7 @@ export async function until(what, probe, limitMs = PATIENCE_MS) {
   for (;;) {
     const value = await probe();
     if (value) return value;
-    if (Date.now() > end) throw new Error(`waited ${limitMs} ms in vain: ${what}`);
+    if (Date.now() > end) throw new Error(`waited ${limitMs} ms for: ${what}`);
     await new Promise((resolve) => setTimeout(resolve, 25));
   }
 }

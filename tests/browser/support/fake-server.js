@@ -1,6 +1,6 @@
 /**
- * A server without GPU that speaks the protocol: what a page does can be tested against it, and the client can be worked
- * on with it (`node support/fake-server.js`).
+ * A server without GPU that speaks the protocol: for tests of the page, and for work on the client
+ * (`node support/fake-server.js`).
  */
 
 import { createServer } from 'node:http';
@@ -23,7 +23,7 @@ const LIMITS = {
 };
 
 /**
- * A point lit by so many surfels.
+ * The inspection of a point lit by `count` surfels.
  * @param {number} count
  */
 export function inspectionOf(count) {
@@ -44,7 +44,7 @@ export function inspectionOf(count) {
 }
 
 export class FakeServer {
-  /** Every control message heard, in order. @type {any[]} */
+  /** Every control message received, in order. @type {any[]} */
   messages = [];
   /** Close code to answer `hello` with. @type {number | undefined} */
   closeWith;
@@ -54,14 +54,14 @@ export class FakeServer {
   problem;
   /** Answer to uploads. @type {{ status: number, body: any } | undefined} */
   uploadAnswer;
-  /** What lights a point; null for nothing. @type {any} */
+  /** Answer to inspections; null for nothing. @type {any} */
   inspection = inspectionOf(24);
   /** Refusal of inspections, instead. @type {{ code: string, detail: string } | undefined} */
   inspectRefusal;
   /** Inspections wait for `FakeSession.answerInspections` while true. */
   holdInspections = false;
-  /** Picture to show instead of the drawn one. @type {{ payload: Buffer, size: [number, number] } | undefined} */
-  picture;
+  /** Image to send instead of the drawn one. @type {{ payload: Buffer, size: [number, number] } | undefined} */
+  image;
   session = 'session-1';
   conn = 0;
   lights = {
@@ -97,7 +97,7 @@ export class FakeServer {
     return this;
   }
 
-  /** Dies at once, as a killed process does. */
+  /** Closes everything at once, as a killed process does. */
   async kill() {
     for (const socket of this.sockets.clients) socket.terminate();
     this.http.closeAllConnections();
@@ -105,7 +105,7 @@ export class FakeServer {
   }
 
   /** Messages of a type. */
-  heard(type) {
+  received(type) {
     return this.messages.filter(({ t }) => t === type);
   }
 

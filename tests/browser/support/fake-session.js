@@ -1,6 +1,6 @@
 /**
- * One connection to the fake server: answers as a session does, draws pictures whose colour follows the camera and the
- * lights, keeps to an acknowledgement window, and falls silent when it has "converged".
+ * One connection to the fake server: answers as a session does, draws images whose colour follows the camera and the
+ * lights, keeps to an acknowledgement window, and stops sending when it has "converged".
  */
 
 import { encodeFrame, FLAGS } from './frame.js';
@@ -25,7 +25,7 @@ export class FakeSession {
   /** Rounds of refinement left: still, refined, final. */
   refinements = 0;
   timer = undefined;
-  /** When the view counts as being at rest, or the next refinement is due. */
+  /** Time at which the view is at rest, or the next refinement is due. */
   restAt = 0;
 
   /**
@@ -37,7 +37,7 @@ export class FakeSession {
     this.other = other;
     this.socket = socket;
     this.server = server;
-    socket.on('message', (data) => this.hear(JSON.parse(String(data))));
+    socket.on('message', (data) => this.onMessage(JSON.parse(String(data))));
     socket.on('close', () => clearTimeout(this.timer));
   }
 
@@ -45,12 +45,12 @@ export class FakeSession {
     if (this.socket.readyState === 1) this.socket.send(JSON.stringify(message));
   }
 
-  hear(message) {
+  onMessage(message) {
     this.server.messages.push(message);
     switch (message.t) {
       case 'hello':
         if (this.server.closeWith) {
-          this.socket.close(this.server.closeWith, 'as the test wishes');
+          this.socket.close(this.server.closeWith, 'as the test requests');
           return;
         }
         this.send(this.server.welcome(this.other));
@@ -102,7 +102,7 @@ export class FakeSession {
     this.send({ t: 'lights', scene_rev: 1, ...this.server.lights });
   }
 
-  /** Something changed: a quick frame now, refinement when it has been quiet. */
+  /** Something changed: a quick frame now, refinement after a pause. */
   touch() {
     this.dirty = true;
     this.refinements = 3;
@@ -116,7 +116,7 @@ export class FakeSession {
     this.timer = setTimeout(() => this.pump(), Math.ceil(this.restAt - performance.now()) + 1);
   }
 
-  /** Sends what is due, if the window is open; an acknowledgement calls again. */
+  /** Sends the frame that is due, if the window is open; every acknowledgement calls it. */
   pump() {
     if (this.paused || this.size[0] === 0 || this.frameSeq - this.acked >= WINDOW || this.server.silent) return;
     if (this.dirty) {
@@ -140,8 +140,8 @@ export class FakeSession {
 
   sendFrame(flags, divisor) {
     this.frameSeq += 1;
-    const size = this.server.picture ? this.server.picture.size : this.size.map((side) => Math.max(1, Math.round(side / divisor / 4)));
-    const payload = this.server.picture?.payload ?? this.draw(size);
+    const size = this.server.image ? this.server.image.size : this.size.map((side) => Math.max(1, Math.round(side / divisor / 4)));
+    const payload = this.server.image?.payload ?? this.draw(size);
     const samples = flags & FLAGS.FINAL ? 256 : flags & FLAGS.STILL ? 64 : 1;
     const frame = { payload, frameSeq: this.frameSeq, inputSeq: this.inputSeq, size, fullSize: this.size, flags: flags | 1, samples };
     if (this.socket.readyState === 1) this.socket.send(encodeFrame(frame));

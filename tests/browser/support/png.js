@@ -1,11 +1,11 @@
 /**
- * Just enough PNG for pictures whose content a test chooses.
+ * A minimal PNG encoder for images whose content a test chooses.
  */
 
 import { crc32, deflateSync } from 'node:zlib';
 
 /**
- * Encodes an RGB picture.
+ * Encodes an RGB image.
  * @param {number} width
  * @param {number} height
  * @param {(x: number, y: number) => [number, number, number]} color 0 to 255 at a pixel

@@ -11,7 +11,7 @@ const BINARY = process.env.SURFELCAST_BIN ?? fileURLToPath(new URL('../../../tar
 const START_MS = 600_000;
 
 /**
- * Starts the server and waits until it says where it listens.
+ * Starts the server and waits until it reports its address.
  * @param {object} options
  * @param {string} options.data folder for its data
  * @param {number} [options.port] 0 chooses one
@@ -19,7 +19,7 @@ const START_MS = 600_000;
  */
 export async function startServer({ data, port = 0, args = [] }) {
   if (!existsSync(BINARY)) {
-    throw new Error(`${BINARY} is not there: run \`cargo build --release -p surfelcast\`, or name the program in SURFELCAST_BIN`);
+    throw new Error(`${BINARY} does not exist: run \`cargo build --release -p surfelcast\`, or name the program in SURFELCAST_BIN`);
   }
   const child = spawn(BINARY, ['serve', '--bind', `127.0.0.1:${port}`, '--data', data, ...args], { stdio: ['ignore', 'pipe', 'pipe'] });
   let log = '';
@@ -27,19 +27,19 @@ export async function startServer({ data, port = 0, args = [] }) {
   const address = await new Promise((resolve, reject) => {
     const timer = setTimeout(() => {
       child.kill('SIGKILL');
-      reject(new Error(`no address within ${START_MS} ms; the server said:\n${log}`));
+      reject(new Error(`no address within ${START_MS} ms; its output:\n${log}`));
     }, START_MS);
-    const hear = (chunk) => {
+    const onOutput = (chunk) => {
       log += chunk;
       const found = /http:\/\/127\.0\.0\.1:\d+/.exec(log);
       if (!found) return;
       clearTimeout(timer);
       resolve(found[0]);
     };
-    child.stdout.on('data', hear);
-    child.stderr.on('data', hear);
+    child.stdout.on('data', onOutput);
+    child.stderr.on('data', onOutput);
     child.once('error', reject);
-    child.once('exit', (code) => reject(new Error(`the server ended with ${code}; it said:\n${log}`)));
+    child.once('exit', (code) => reject(new Error(`the server ended with ${code}; its output:\n${log}`)));
   });
   await ready(address, () => log);
   return {
@@ -57,7 +57,7 @@ async function ready(address, log) {
   for (const end = Date.now() + START_MS; ; ) {
     const answer = await fetch(`${address}/readyz`).catch(() => undefined);
     if (answer?.ok) return;
-    if (Date.now() > end) throw new Error(`not ready within ${START_MS} ms; the server said:\n${log()}`);
+    if (Date.now() > end) throw new Error(`not ready within ${START_MS} ms; its output:\n${log()}`);
     await new Promise((resolve) => setTimeout(resolve, 100));
   }
 }

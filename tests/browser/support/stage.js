@@ -18,20 +18,20 @@ export function withBrowser() {
 }
 
 /**
- * Opens the page, runs a test, and holds the page to having logged no error.
+ * Opens the page, runs a test, and checks that the page logged no error.
  * @param {(stage: { page: import('playwright-core').Page, server: FakeServer, context: import('playwright-core').BrowserContext }) => Promise<void>} run
  * @param {object} [options]
  * @param {import('playwright-core').BrowserContextOptions} [options.context]
  * @param {string} [options.path]
- * @param {boolean} [options.settled] wait until the picture has settled
+ * @param {boolean} [options.converged] wait until the image has converged
  * @param {(server: FakeServer) => void} [options.prepare]
  * @param {RegExp} [options.allow] console errors that belong to the test
  */
-export function onStage(run, { context: wishes = {}, path = '/', settled = true, prepare, allow } = {}) {
+export function onStage(run, { context: contextOptions = {}, path = '/', converged = true, prepare, allow } = {}) {
   return async () => {
     const server = await new FakeServer().start();
     prepare?.(server);
-    const context = await browser.newContext({ viewport: { width: 1000, height: 700 }, reducedMotion: 'reduce', ...wishes });
+    const context = await browser.newContext({ viewport: { width: 1000, height: 700 }, reducedMotion: 'reduce', ...contextOptions });
     context.setDefaultTimeout(PATIENCE_MS);
     const page = await context.newPage();
     const errors = [];
@@ -39,7 +39,7 @@ export function onStage(run, { context: wishes = {}, path = '/', settled = true,
     page.on('pageerror', (error) => errors.push(error.message));
     try {
       await page.goto(server.address + path);
-      if (settled) await hasSettled(page);
+      if (converged) await hasConverged(page);
       await run({ page, server, context });
       const unexpected = errors.filter((text) => !allow?.test(text));
       if (unexpected.length > 0) throw new Error(`the page logged: ${unexpected.join('; ')}`);
@@ -50,17 +50,17 @@ export function onStage(run, { context: wishes = {}, path = '/', settled = true,
   };
 }
 
-/** Waits until the page says that the picture has settled. */
-export const hasSettled = (page) => page.locator('#hud[data-state=settled]').waitFor();
+/** Waits until the page says that the image has converged. */
+export const hasConverged = (page) => page.locator('#hud[data-state=converged]').waitFor();
 
-/** What the status card says; empty while it is hidden. */
+/** Text of the status card; empty while it is hidden. */
 export const cardText = (page) =>
   page.evaluate(() => {
     const card = document.querySelector('surfelcast-view').shadowRoot.querySelector('.card');
     return card.hidden ? '' : card.textContent.replace(/\s+/g, ' ').trim();
   });
 
-/** Centre of the picture, in CSS pixels of the page. */
+/** Centre of the view, in CSS pixels of the page. */
 export async function centre(page) {
   const box = await page.locator('surfelcast-view').boundingBox();
   return { x: box.x + box.width / 2, y: box.y + box.height / 2, box };

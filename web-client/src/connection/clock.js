@@ -1,5 +1,5 @@
 /**
- * Time, timers and chance, passed in so that tests can hold them still.
+ * Time, timers and random numbers, passed in so that tests control them.
  *
  * @typedef {object} Clock
  * @property {() => number} now monotonic milliseconds

@@ -1,5 +1,5 @@
 /**
- * One lasting conversation with a session's stream: hello and welcome, liveness, reconnecting with the resume token.
+ * A lasting connection to a session's stream: hello and welcome, liveness, reconnection with the resume token.
  * Knows no canvas and no element.
  */
 
@@ -9,9 +9,9 @@ import { delayMs } from './backoff.js';
 
 /** The server must welcome us within this time of the socket opening. */
 const WELCOME_TIMEOUT_MS = 10_000;
-/** The server pings every 15 s; two missed pings mean that it is gone even if the socket does not know. */
+/** The server pings every 15 s; two missed pings mean that the peer is gone even if the socket stays open. */
 const SILENCE_MS = 35_000;
-/** A connection that lived this long proves the server healthy, so that the next failure starts from a short wait. */
+/** A connection that stayed open this long resets the back-off. */
 const HEALTHY_MS = 5_000;
 
 /**
@@ -29,7 +29,7 @@ const HEALTHY_MS = 5_000;
  * @property {(state: ConnectionState) => void} onState
  * @property {(message: import('../protocol/messages.js').ServerMessage) => void} onMessage
  * @property {(frame: ArrayBuffer) => void} onFrame
- * @property {(error: Error) => void} onProblem a message that could not be understood; the connection stays
+ * @property {(error: Error) => void} onProblem a message that could not be parsed; the connection stays open
  */
 
 export class Connection {
@@ -39,12 +39,12 @@ export class Connection {
   #state = { kind: 'idle' };
   /** @type {string | undefined} */
   #resumeToken;
-  /** Failed tries since the last healthy connection. */
+  /** Failed attempts since the last healthy connection. */
   #attempt = 0;
   #liveSince = 0;
   /** @type {number | undefined} */
   #timer;
-  #heardAt = 0;
+  #receivedAt = 0;
 
   /**
    * @param {object} options
@@ -67,17 +67,17 @@ export class Connection {
     return this.#state.kind === 'live';
   }
 
-  /** Connects, unless that is already under way. */
+  /** Connects, unless already connected or connecting. */
   start() {
     if (this.#state.kind === 'idle' || this.#state.kind === 'stopped') this.#connect();
   }
 
-  /** Skips the rest of a wait, or takes up a conversation that had ended. */
+  /** Skips the rest of a wait, or reconnects after the connection had stopped. */
   retryNow() {
     if (this.#state.kind === 'waiting' || this.#state.kind === 'stopped') this.#connect();
   }
 
-  /** Says goodbye; nothing is called afterwards. */
+  /** Closes the connection; no handler is called afterwards. */
   stop() {
     this.#clearTimer();
     this.#transport?.close();
@@ -86,7 +86,7 @@ export class Connection {
   }
 
   /**
-   * Sends a message if there is someone to hear it.
+   * Sends a message if the connection is live.
    * @param {import('../protocol/messages.js').ClientMessage} message
    * @returns {boolean} whether it was sent
    */
@@ -109,11 +109,11 @@ export class Connection {
         onClose: (code) => this.#onClose(code),
       });
     } catch {
-      // The address itself is bad; waiting will not mend it, but the same path tells the user so.
+      // The address itself is invalid. Waiting does not help, but the same path informs the user.
       this.#onClose(0);
       return;
     }
-    this.#heardAt = clock.now();
+    this.#receivedAt = clock.now();
   }
 
   #hello() {
@@ -127,7 +127,7 @@ export class Connection {
   /** @param {string} text */
   #onText(text) {
     const { clock, handlers } = this.options;
-    this.#heardAt = clock.now();
+    this.#receivedAt = clock.now();
     let message;
     try {
       message = parseServerMessage(text);
@@ -145,7 +145,7 @@ export class Connection {
       this.#liveSince = clock.now();
       this.#clearTimer();
       this.#watchSilence();
-      // State first, so that whoever hears the welcome can answer it.
+      // The state first, so that a handler of the welcome can send.
       this.#setState({ kind: 'live' });
     }
     handlers.onMessage(message);
@@ -153,7 +153,7 @@ export class Connection {
 
   /** @param {ArrayBuffer} frame */
   #onBinary(frame) {
-    this.#heardAt = this.options.clock.now();
+    this.#receivedAt = this.options.clock.now();
     if (this.isLive) this.options.handlers.onFrame(frame);
   }
 
@@ -176,7 +176,7 @@ export class Connection {
     this.#setState({ kind: 'waiting', attempt: this.#attempt, retryAt: clock.now() + wait, last });
   }
 
-  /** Treats a silent peer as gone. */
+  /** Treats a silent peer as disconnected. */
   #giveUp() {
     this.#transport?.close();
     this.#onClose(0);
@@ -184,7 +184,7 @@ export class Connection {
 
   #watchSilence() {
     const { clock } = this.options;
-    const left = this.#heardAt + SILENCE_MS - clock.now();
+    const left = this.#receivedAt + SILENCE_MS - clock.now();
     if (left <= 0) this.#giveUp();
     else this.#timer = clock.setTimeout(() => this.#watchSilence(), left);
   }

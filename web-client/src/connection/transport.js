@@ -1,5 +1,5 @@
 /**
- * The wire, hidden behind an interface so that tests can put a fake one in its place.
+ * The socket behind an interface, so that tests can replace it.
  */
 
 /**
@@ -34,7 +34,7 @@ export function openWebSocket(url, subprotocol, handlers) {
     if (typeof data === 'string') handlers.onText(data);
     else handlers.onBinary(data);
   });
-  // An `error` event is always followed by `close`, which carries the only facts there are.
+  // An `error` event is always followed by `close`, which carries all that is known of the cause.
   socket.addEventListener('close', ({ code, reason }) => {
     if (done) return;
     done = true;

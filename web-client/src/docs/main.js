@@ -41,7 +41,7 @@ function render(reference, contents, document_) {
       ? [h('h2', {}, 'Schemas'), h('ul', {}, ...schemas.map(([name]) => h('li', {}, h('a', { href: `#${anchorOf(name)}` }, name))))]
       : []),
   );
-  // The target of a link into the page exists only now.
+  // The target of a link into the page exists only after rendering.
   if (location.hash) document.getElementById(decodeURIComponent(location.hash.slice(1)))?.scrollIntoView();
 }
 
@@ -51,7 +51,7 @@ function render(reference, contents, document_) {
  */
 function operationsOf(document_) {
   const paths = Object.entries(/** @type {Record<string, Json>} */ (document_['paths'] ?? {}));
-  // What programs are written against comes first; the pages and probes of the server follow.
+  // The versioned API first; pages and probes of the server follow.
   /** @param {[string, Json]} entry */
   const versioned = ([path]) => (/^\/v\d+\//.test(path) ? 0 : 1);
   return paths.toSorted((a, b) => versioned(a) - versioned(b)).flatMap(([path, item]) =>
@@ -107,7 +107,7 @@ function describeOperation({ id, method, path, operation, parameters }) {
 /** @param {Record<string, Json> | undefined} content */
 const bodies = (content) =>
   Object.entries(content ?? {}).map(([type, { schema }]) =>
-    // A file is described as a list of numbers, which is true and of no help.
+    // OpenAPI describes a file as a list of numbers; "bytes" reads better.
     h('li', {}, h('code', {}, type), ' ', !schema ? '' : /json|text|form/.test(type) ? typeOf(schema) : 'bytes'),
   );
 

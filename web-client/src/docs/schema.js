@@ -92,7 +92,7 @@ export function table(heads, rows) {
 }
 
 /**
- * Description text: blank lines part paragraphs, backticks mark code.
+ * Description text: blank lines separate paragraphs, backticks mark code.
  * @param {string} text
  */
 export function prose(text) {

@@ -3,7 +3,7 @@
  */
 
 /**
- * Creates an element. Properties are set as such where the element has them, else as attributes; `on…` adds a listener.
+ * Creates an element. A property that the element does not have becomes an attribute; `on…` adds a listener.
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
  * @param {Record<string, unknown>} [properties]
@@ -23,7 +23,7 @@ export function h(tag, properties = {}, ...children) {
 }
 
 /**
- * The element that must be in the page.
+ * The element of that id, which must exist.
  * @param {string} id
  * @returns {any}
  */

@@ -1,5 +1,5 @@
 /**
- * Form fields of the panels. Each tells `move` while it is dragged and `end` when it is let go.
+ * Form fields of the panels. Each reports values with `done` false while it is dragged, and true when it is released.
  */
 
 import { h } from './dom.js';
@@ -11,22 +11,22 @@ const newId = () => `field-${(nextId += 1)}`;
 /**
  * @typedef {object} Field
  * @property {HTMLElement} element
- * @property {(value: number) => void} set shows a value without telling anyone
+ * @property {(value: number) => void} set shows a value without reporting it
  */
 
 /**
- * Field for a number. While it has the focus its text is the user's, until Enter, leaving or Escape: what `set` tells
- * meanwhile, such as another person's edit, is shown only then.
+ * Field for a number. While it is edited, until Enter, Escape or loss of focus, it keeps the text of the user; a value
+ * that `set` gives meanwhile, such as another person's edit, is shown after that.
  * @param {Record<string, unknown>} properties
  * @param {(value: number) => string} text
- * @param {(value: number) => void} commit told what was typed
+ * @param {(value: number) => void} commit called with the number that was typed
  */
 function numberInput(properties, text, commit) {
   let value = 0;
-  let held = false;
-  const hold = () => (held = true);
+  let isEdited = false;
+  const edit = () => (isEdited = true);
   const show = () => {
-    held = false;
+    isEdited = false;
     input.value = text(value);
   };
   /** @param {KeyboardEvent} event */
@@ -41,34 +41,34 @@ function numberInput(properties, text, commit) {
     inputMode: 'decimal',
     ...properties,
     onfocus: () => {
-      hold();
-      // Ahead of the inspector and the sheet, which the same key closes.
+      edit();
+      // In the capture phase, before the inspector and the sheet, which the same key closes.
       addEventListener('keydown', escape, true);
     },
-    oninput: hold,
+    oninput: edit,
     onchange: () => {
-      held = false;
+      isEdited = false;
       const typed = input.valueAsNumber;
       if (Number.isFinite(typed) && input.value !== text(value)) commit(typed);
       else show();
     },
     onblur: () => {
       removeEventListener('keydown', escape, true);
-      // Not when it is the window that was left.
+      // The window may have lost the focus instead.
       if (document.activeElement !== input) show();
     },
   });
   /** @param {number} next */
   const set = (next) => {
     value = next;
-    // Disabled fields lose the focus without an event.
-    if (!held || document.activeElement !== input) show();
+    // A field that is disabled loses the focus without an event.
+    if (!isEdited || document.activeElement !== input) show();
   };
   return { input, set };
 }
 
 /**
- * Slider with a number beside it.
+ * Slider with a number field.
  * @param {object} options
  * @param {string} options.label
  * @param {string} [options.unit]
@@ -121,10 +121,10 @@ export function slider({ label, unit, range, bounds, scale, decimals, changed })
 }
 
 /**
- * Three numbers. The letter before each can be dragged sideways, or moved with the arrow keys.
+ * Three numbers. The letter before each is a handle to drag sideways or to move with the arrow keys.
  * @param {object} options
  * @param {string} options.label
- * @param {() => number} options.step metres that one pixel of dragging moves
+ * @param {() => number} options.step metres per dragged pixel
  * @param {(value: import('../protocol/messages.js').Vec3, done: boolean) => void} options.changed
  */
 export function vector({ label, step, changed }) {
@@ -139,7 +139,7 @@ export function vector({ label, step, changed }) {
       changed(value, done);
     };
     /** @param {number} by @param {boolean} done */
-    const nudge = (by, done) => put(/** @type {number} */ (value[axis]) + by, done);
+    const shift = (by, done) => put(/** @type {number} */ (value[axis]) + by, done);
     const number = numberInput({ 'aria-label': `${label} ${name}` }, field, (typed) => put(typed, true));
     const handle = h('button', {
       type: 'button',
@@ -151,17 +151,17 @@ export function vector({ label, step, changed }) {
       onpointermove: (/** @type {PointerEvent} */ event) => {
         if (!handle.hasPointerCapture(event.pointerId) || event.movementX === 0) return;
         dragged = true;
-        nudge(event.movementX * step(), false);
+        shift(event.movementX * step(), false);
       },
       onlostpointercapture: () => {
-        if (dragged) nudge(0, true);
+        if (dragged) shift(0, true);
         dragged = false;
       },
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        const way = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
-        if (way === undefined) return;
+        const sign = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+        if (sign === undefined) return;
         event.preventDefault();
-        nudge(way * step() * (event.shiftKey ? 50 : 10), true);
+        shift(sign * step() * (event.shiftKey ? 50 : 10), true);
       },
     });
     return { handle, number };

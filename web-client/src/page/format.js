@@ -1,5 +1,5 @@
 /**
- * Numbers for people.
+ * Numbers as text.
  */
 
 /** @param {number} value */
@@ -16,7 +16,7 @@ export function bytes(value) {
 export const milliseconds = (value) => (value < 10 ? `${value.toFixed(1)} ms` : `${count(value)} ms`);
 
 /**
- * A number with as many digits as are worth reading, without an exponent where it can be helped.
+ * A number with a number of significant digits, without an exponent for moderate sizes.
  * @param {number} value
  * @param {number} digits
  */
@@ -37,7 +37,7 @@ export function metres(length) {
 }
 
 /**
- * An audited error: both numbers with as many digits as the uncertainty has meaning.
+ * An audited error: both numbers with the digits that the uncertainty justifies.
  * @param {{ rmse: number, std_error: number }} error
  */
 export function auditedError({ rmse, std_error: uncertainty }) {
@@ -45,20 +45,20 @@ export function auditedError({ rmse, std_error: uncertainty }) {
   return `RMSE ${rmse.toFixed(digits)} ± ${uncertainty.toFixed(digits)}`;
 }
 
-/** What each `stats.reason` says to people. */
+/** User-visible text of each `stats.reason`. */
 const REASONS = Object.freeze({
-  device: 'the device needs longer for a full frame',
-  link: 'the connection carries less',
+  device: 'the device cannot render full frames in time',
+  link: 'the bandwidth of the connection is too low',
 });
 
 /**
- * Why a moving picture is softer than wished; empty when it is not.
- * @param {string} reason `stats.reason`; one we do not know is shown as it is
+ * Why resolution or quality of a moving image is reduced; empty if it is not.
+ * @param {string} reason `stats.reason`; an unknown one is shown unchanged
  */
 export const reasonText = (reason) => REASONS[/** @type {keyof typeof REASONS} */ (reason)] ?? reason;
 
 /**
- * The resolution of a moving picture and what holds it down; empty at full resolution.
+ * The resolution of a moving image and why it is reduced; empty at full resolution.
  * @param {{ scale: number, reason: string }} stats
  */
 export function resolutionText({ scale, reason }) {
@@ -68,7 +68,7 @@ export function resolutionText({ scale, reason }) {
 }
 
 /**
- * A number for a text field: short, but exact enough to come back unchanged to the eye.
+ * A number for a text field, with five significant digits.
  * @param {number} value
  */
 export function field(value) {

@@ -1,14 +1,14 @@
 /**
- * One line over the picture's lower edge: has it settled, how well, how fast. Updated at most four times a second, and
- * once more after the last frame so that the rates fall back to zero; then it rests.
+ * One line over the lower edge of the image: whether it has converged, its error, the rates. Updated at most four times
+ * per second, and once more after the last frame so that the rates fall back to zero.
  */
 
 import { flags } from '../protocol/frame.js';
 import { auditedError, bytes, count, milliseconds, resolutionText } from './format.js';
 
 const INTERVAL_MS = 250;
-/** Rates look back a second. */
-const AFTERMATH_MS = 1050;
+/** Rates cover the last second. */
+const LAST_UPDATE_MS = 1050;
 
 export class Hud {
   /** @type {import('../protocol/frame.js').FrameHeader | undefined} */
@@ -17,7 +17,7 @@ export class Hud {
   #stats;
   #moving = false;
   #live = false;
-  /** Whether the newest frame was overtaken by an input or a lost connection. */
+  /** Whether an input or a lost connection came after the newest frame. */
   #stale = false;
   #frameAt = 0;
   /** @type {number | undefined} */
@@ -26,7 +26,7 @@ export class Hud {
   /**
    * @param {HTMLElement} element with children `.state`, `.progress`, `.rates`
    * @param {import('../view/surfelcast-view.js').SurfelcastView} view
-   * @param {import('./stats-panel.js').StatsPanel} panel gets the same measurements
+   * @param {import('./stats-panel.js').StatsPanel} panel shows the same measurements
    */
   constructor(element, view, panel) {
     this.element = element;
@@ -56,7 +56,7 @@ export class Hud {
   moving(moving) {
     if (moving === this.#moving) return;
     this.#moving = moving;
-    // Old figures belong to another picture.
+    // The statistics belong to the image before the movement.
     if (moving) {
       this.#stats = undefined;
       this.#stale = true;
@@ -64,14 +64,14 @@ export class Hud {
     this.#render();
   }
 
-  /** @param {boolean} live whether the server is there */
+  /** @param {boolean} live whether the connection is live */
   live(live) {
     this.#live = live;
     if (!live) this.#stale = true;
     this.#render();
   }
 
-  /** Nothing is known any more. */
+  /** Forgets frame and statistics. */
   clear() {
     this.#frame = undefined;
     this.#stats = undefined;
@@ -90,25 +90,25 @@ export class Hud {
     this.element.hidden = !this.#frame;
     if (!this.#frame) return;
     const measured = this.view.measure();
-    // Figures may come before the pictures that they tell of, which are decoded first.
-    const settled = !this.#moving && !this.#stale && (this.#frame.flags & flags.FINAL) !== 0 && this.#stats?.converged !== false;
-    this.element.dataset['state'] = !this.#live ? 'away' : this.#moving ? 'moving' : settled ? 'settled' : 'refining';
-    this.progress.textContent = this.#progressText(settled);
+    // Statistics may arrive before their frame, which has to be decoded first.
+    const converged = !this.#moving && !this.#stale && (this.#frame.flags & flags.FINAL) !== 0 && this.#stats?.converged !== false;
+    this.element.dataset['state'] = !this.#live ? 'away' : this.#moving ? 'moving' : converged ? 'converged' : 'refining';
+    this.progress.textContent = this.#progressText(converged);
     const [width, height] = this.#frame.fullSize;
     const parts = [`${width} × ${height}`];
     if (measured.framesPerSecond > 0) parts.unshift(`${count(measured.framesPerSecond)} fps`, `${bytes(measured.bytesPerSecond)}/s`);
     if (measured.latency) parts.push(`input to photon ${count(measured.latency.p50)} / ${milliseconds(measured.latency.p95)}`);
     this.rates.textContent = parts.join('  ·  ');
     this.panel.measured(measured);
-    if (performance.now() - this.#frameAt < AFTERMATH_MS) this.#schedule(AFTERMATH_MS / 2);
+    if (performance.now() - this.#frameAt < LAST_UPDATE_MS) this.#schedule(LAST_UPDATE_MS / 2);
   }
 
-  /** @param {boolean} settled */
-  #progressText(settled) {
-    if (!this.#live) return 'Last picture';
+  /** @param {boolean} converged */
+  #progressText(converged) {
+    if (!this.#live) return 'Last frame';
     if (this.#moving) return ['Moving', this.#stats && resolutionText(this.#stats)].filter(Boolean).join(': ');
     const samples = `${count(Math.max(this.#stats?.samples ?? 0, this.#frame?.samples ?? 0))} samples`;
     const error = this.#stats?.error ? auditedError(this.#stats.error) : samples;
-    return `${settled ? 'Settled' : 'Refining'}: ${error}`;
+    return `${converged ? 'Converged' : 'Refining'}: ${error}`;
   }
 }

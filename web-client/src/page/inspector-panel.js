@@ -1,6 +1,6 @@
 /**
- * What lights a point of the picture: the cache's values there and the surfels behind them. Shown while the view's
- * inspect mode is on.
+ * What lights a point of the image: the values of the cache there and the surfels that contribute. Shown while the
+ * view's inspect mode is on.
  */
 
 import { h } from './dom.js';
@@ -11,12 +11,12 @@ const ROWS = /** @type {const} */ ({
   normal: ['Normal', ''],
   coverage: ['Coverage', ''],
   trust: ['Trust', ''],
-  light: ['B', ''],
-  direct: ['B, direct', ''],
-  indirect: ['B, bounced', ''],
+  light: ['Irradiance / π', ''],
+  direct: ['Direct', ''],
+  indirect: ['Indirect', ''],
 });
 
-const HINT = 'Click a point of the picture to see which surfels light it.';
+const HINT = 'Click a point of the image to see which surfels light it.';
 const NOTHING = 'No surfels here: nothing was hit, or this session has not shown the surfel technique yet.';
 
 /** @typedef {import('../protocol/messages.js').Inspection} Inspection */
@@ -30,7 +30,7 @@ export class InspectorPanel {
   #inspection;
   /** @type {Partial<Record<keyof typeof ROWS, HTMLElement>>} */
   #values = {};
-  /** What stands in the status line while nothing is asked. */
+  /** Text of the status line while no request is open. */
   #status = HINT;
 
   /**
@@ -38,7 +38,7 @@ export class InspectorPanel {
    * @param {import('../view/surfelcast-view.js').SurfelcastView} view
    * @param {object} options
    * @param {import('./toast.js').Toasts} options.toasts
-   * @param {() => void} options.reveal brings the panel into sight
+   * @param {() => void} options.reveal scrolls the panel into view
    */
   constructor(section, view, { toasts, reveal }) {
     this.section = section;
@@ -61,23 +61,23 @@ export class InspectorPanel {
       h('table', {}, h('thead', {}, h('tr', {}, ...heads)), this.rows),
     );
     this.copy = h('button', { type: 'button', textContent: 'Copy JSON', onclick: () => void this.#copy() });
-    const middle = h('button', { type: 'button', className: 'quiet', textContent: 'Middle of the picture', onclick: () => view.inspect(0.5, 0.5) });
+    const centre = h('button', { type: 'button', className: 'quiet', textContent: 'Centre of the image', onclick: () => view.inspect(0.5, 0.5) });
     this.found = h('div', { className: 'found', hidden: true }, figures, this.table);
-    this.host.append(this.status, this.found, h('div', { className: 'actions' }, middle, this.copy));
-    // Ahead of the sheet, which would close on the same key.
+    this.host.append(this.status, this.found, h('div', { className: 'actions' }, centre, this.copy));
+    // In the capture phase, before the sheet, which the same key closes.
     document.addEventListener('keydown', (event) => this.#escape(event), { capture: true });
     this.mode({ on: view.inspecting, waiting: false });
   }
 
   /**
-   * The mode was switched, or a question went out or came back.
+   * The mode was switched, or a request was sent or answered.
    * @param {{ on: boolean, waiting: boolean }} mode
    */
   mode({ on, waiting }) {
     if (!on) this.clear();
     this.section.hidden = !on;
     this.host.classList.toggle('waiting', waiting);
-    this.#say(waiting ? 'Looking…' : this.#status);
+    this.#setStatus(waiting ? 'Waiting for the server…' : this.#status);
   }
 
   /** @param {{ inspection?: Inspection | null, refusal?: string }} answer */
@@ -87,18 +87,18 @@ export class InspectorPanel {
     this.copy.disabled = !inspection;
     if (inspection) this.#fill(inspection);
     this.#status = refusal ?? (inspection ? summary(inspection) : NOTHING);
-    this.#say(this.#status);
+    this.#setStatus(this.#status);
     this.reveal();
     this.section.scrollIntoView({ block: 'nearest' });
   }
 
-  /** Another scene, or the end of the mode. */
+  /** For another scene, or the end of the mode. */
   clear() {
     this.#inspection = undefined;
     this.#status = HINT;
     this.found.hidden = true;
     this.copy.disabled = true;
-    this.#say(HINT);
+    this.#setStatus(HINT);
   }
 
   /** @param {Inspection} inspection */
@@ -139,13 +139,13 @@ export class InspectorPanel {
     const text = JSON.stringify(this.#inspection, undefined, 2);
     const done = await copyText(text);
     if (done) this.toasts.show('The inspection was copied as JSON.');
-    else this.toasts.show('The browser did not let the page copy.', 'error');
+    else this.toasts.show('The browser refused access to the clipboard.', 'error');
   }
 
   /** @param {KeyboardEvent} event */
   #escape(event) {
     if (event.key !== 'Escape' || !this.view.inspecting) return;
-    // Flying and dialogs end on the same key, and come first.
+    // Flying and dialogs end on the same key, and take precedence.
     if (this.view.flight.mode || document.querySelector('dialog[open]')) return;
     event.preventDefault();
     event.stopPropagation();
@@ -153,7 +153,7 @@ export class InspectorPanel {
   }
 
   /** @param {string} text */
-  #say(text) {
+  #setStatus(text) {
     if (this.status.textContent !== text) this.status.textContent = text;
   }
 }
@@ -165,9 +165,9 @@ function summary({ contributions: { length } }) {
 }
 
 /**
- * Puts text on the clipboard. Pages that did not come over TLS or from this machine have no clipboard of the newer kind.
+ * Copies text to the clipboard. Outside secure contexts the clipboard API does not exist, and `execCommand` replaces it.
  * @param {string} text
- * @returns {Promise<boolean>} whether it is there now
+ * @returns {Promise<boolean>} whether it was copied
  */
 async function copyText(text) {
   try {

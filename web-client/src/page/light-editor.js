@@ -1,5 +1,5 @@
 /**
- * One light of the list: a row that opens into its controls.
+ * One light of the list: a row that expands to its controls.
  */
 
 import { h } from './dom.js';
@@ -24,7 +24,7 @@ export class LightEditor {
    * @param {(light: Light, done: boolean) => void} options.changed
    * @param {(id: number) => void} options.removed
    * @param {() => import('../protocol/messages.js').Vec3} options.focus point the camera looks at
-   * @param {() => number} options.step metres a dragged pixel moves
+   * @param {() => number} options.step metres per dragged pixel
    */
   constructor(light, { changed, removed, focus, step }) {
     this.#light = light;
@@ -65,7 +65,7 @@ export class LightEditor {
         { className: 'actions' },
         directional
           ? undefined
-          : h('button', { type: 'button', className: 'quiet', textContent: 'Bring to focus', title: 'Puts the light at the point the camera looks at', onclick: () => this.#edit({ position: focus() }, true) }),
+          : h('button', { type: 'button', className: 'quiet', textContent: 'Move to target', title: 'Moves the light to the point that the camera looks at', onclick: () => this.#edit({ position: focus() }, true) }),
         h('button', { type: 'button', className: 'quiet danger', textContent: 'Remove', onclick: () => removed(light.id) }),
       ),
     );
@@ -81,7 +81,7 @@ export class LightEditor {
   }
 
   /**
-   * Shows the server's state.
+   * Shows the state of the server.
    * @param {Light} light
    */
   update(light) {
@@ -117,7 +117,7 @@ export class LightEditor {
       label: 'Elevation',
       unit: '°',
       decimals: 1,
-      // Straight up has no azimuth to come back to.
+      // At the zenith the azimuth is undefined.
       range: { min: -89.5, max: 89.5, step: 0.5 },
       bounds: { min: -89.5, max: 89.5 },
       changed: (degrees, done) => aim('elevation', degrees, done),

@@ -19,15 +19,15 @@ export class LightsPanel {
   /** @type {Map<number, LightEditor>} */
   #editors = new Map();
   /**
-   * What was edited here last, until the picture shows it: a light's id or the name of a strength.
+   * What was edited here last, until a frame contains it: a light's id or the name of a strength.
    * @type {number | string | undefined}
    */
   #editing;
-  /** Number of that input. */
+  /** Input number of that edit. */
   #sent = 0;
   /** @type {import('../protocol/messages.js').LightState | undefined} */
   #state;
-  /** Whether the next new light is ours, to be opened for editing. */
+  /** Whether the next new light was added here and will be expanded. */
   #added = false;
   /** @type {Gesture<LightPatch>} */
   #gesture;
@@ -42,7 +42,7 @@ export class LightsPanel {
       this.#sent = view.editLights(patch, phase);
     });
     this.list = h('ul', { className: 'lights' });
-    this.none = h('p', { className: 'empty', textContent: 'No point, spot or sun lights here. What lights the scene is its glowing surfaces and surroundings.' });
+    this.none = h('p', { className: 'empty', textContent: 'No point, spot or sun lights. Emissive surfaces and the environment light this scene.' });
     /** @param {'point' | 'spot' | 'directional'} kind @param {string} text */
     const adder = (kind, text) => h('button', { type: 'button', textContent: text, 'aria-label': `Add ${text.toLowerCase()} light`, onclick: () => this.#add(kind) });
     this.adders = [adder('point', 'Point'), adder('spot', 'Spot'), adder('directional', 'Sun')];
@@ -76,8 +76,8 @@ export class LightsPanel {
   }
 
   /**
-   * The last edit is in the picture, or was refused: what the server says is newer now than what is shown here.
-   * @param {number} [inputSeq] last input in the picture
+   * A frame contains the last edit, or it was refused: shows the state of the server again.
+   * @param {number} [inputSeq] last input that the frame contains
    */
   catchUp(inputSeq = this.#sent) {
     if (this.#editing === undefined || this.#gesture.isOpen || !isAtOrAfter(inputSeq, this.#sent)) return;
@@ -85,7 +85,7 @@ export class LightsPanel {
     if (this.#state) this.update(this.#state);
   }
 
-  /** Another session's lights are about to come. */
+  /** Forgets the lights, before those of another session arrive. */
   clear() {
     this.#gesture.abandon();
     this.#editing = undefined;
@@ -98,7 +98,7 @@ export class LightsPanel {
   #show(light) {
     const editor = this.#editors.get(light.id);
     if (editor) {
-      // The hand on the slider knows better than the echoes of where it was.
+      // While a light is edited here, the server's echoes are older than the shown value.
       if (this.#editing !== light.id) editor.update(light);
       return;
     }
@@ -121,7 +121,7 @@ export class LightsPanel {
   #edit(subject, patch, done) {
     if (this.#editing !== undefined && this.#editing !== subject) this.#gesture.end();
     this.#editing = subject;
-    // At the end the value that was let go of replaces the last move.
+    // The final value replaces a pending move.
     if (done) this.#gesture.once(patch);
     else this.#gesture.move(patch);
   }
@@ -131,8 +131,8 @@ export class LightsPanel {
     const { pose } = this.view.rig;
     const distance = length(subtract(pose.eye, pose.target));
     const exposure = this.view.exposure;
-    // Between the eye and what is looked at, nearer to the eye and hardly lifted: there no wall or ceiling is in between.
-    // Bright enough to be seen at the present exposure.
+    // Between target and eye, nearer to the eye and slightly raised, where no wall or ceiling is in between. The intensity
+    // follows the exposure.
     const position = add(mix(pose.target, pose.eye, 0.6), scale(normalize(pose.up), 0.05 * distance));
     const away = length(subtract(position, pose.target));
     const labels = { point: 'Point light', spot: 'Spot light', directional: 'Sun' };

@@ -13,7 +13,7 @@ import { wireTabs } from './tabs.js';
 import { Toasts } from './toast.js';
 import { ViewPanel } from './view-panel.js';
 
-/** Wait before asking again for the scenes of a server that does not answer. */
+/** Wait before the list of scenes is requested again from a server that does not answer. */
 const LIST_RETRY_MS = 3000;
 
 const query = new URLSearchParams(location.search);
@@ -43,10 +43,10 @@ const inspector = new InspectorPanel(byId('panel-inspect'), view, { toasts, reve
  * Listens to an event of the view.
  * @template T
  * @param {string} type
- * @param {(detail: T) => void} heard
+ * @param {(detail: T) => void} listener
  */
-function on(type, heard) {
-  view.addEventListener(type, (event) => heard(/** @type {CustomEvent<T>} */ (event).detail));
+function on(type, listener) {
+  view.addEventListener(type, (event) => listener(/** @type {CustomEvent<T>} */ (event).detail));
 }
 
 let sceneShown = '';
@@ -87,7 +87,7 @@ on('state', (/** @type {import('../connection/connection.js').ConnectionState} *
   for (const fields of document.querySelectorAll('fieldset.needs-server')) {
     /** @type {HTMLFieldSetElement} */ (fields).disabled = state.kind !== 'live';
   }
-  // A server that came back may have given the scene another session.
+  // After a restart of the server the scene has another session.
   if (state.kind === 'waiting' || (state.kind === 'stopped' && state.last.kind === 'gone')) void scenes.recover();
 });
 
@@ -101,7 +101,7 @@ byId('screenshot').addEventListener('click', async () => {
     link.click();
     setTimeout(() => URL.revokeObjectURL(url), 10_000);
   } catch (error) {
-    toasts.show(`The picture could not be saved: ${/** @type {Error} */ (error).message}`, 'error');
+    toasts.show(`The image could not be saved: ${/** @type {Error} */ (error).message}`, 'error');
   }
 });
 

@@ -1,5 +1,5 @@
 /**
- * Between the units of the wire and the units people think in.
+ * Conversions between the units of the protocol and those of the fields.
  */
 
 /** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
@@ -35,7 +35,7 @@ const encode = (linear) => (linear <= 0.0031308 ? linear * 12.92 : 1.055 * linea
 const decode = (encoded) => (encoded <= 0.04045 ? encoded / 12.92 : ((encoded + 0.055) / 1.055) ** 2.4);
 
 /**
- * Where light comes from, in degrees: azimuth from -Z ("north") towards +X ("east"), elevation above the XZ plane.
+ * The direction to a light, in degrees: azimuth from -Z ("north") towards +X ("east"), elevation above the XZ plane.
  * @param {Vec3} direction in which the light shines, any length
  */
 export function skyAngles(direction) {
@@ -46,7 +46,7 @@ export function skyAngles(direction) {
 }
 
 /**
- * Unit direction in which light from that part of the sky shines.
+ * Unit direction in which a light at these angles shines.
  * @param {{ azimuth: number, elevation: number }} angles degrees
  * @returns {Vec3}
  */
@@ -57,7 +57,7 @@ export function directionOf({ azimuth, elevation }) {
 }
 
 /**
- * Scale of a slider whose ends are many powers of ten apart. Its lowest position is zero.
+ * Logarithmic scale of a slider. Its lowest position is zero.
  * @param {number} lowest smallest value above zero
  * @param {number} highest
  * @param {number} steps positions of the slider

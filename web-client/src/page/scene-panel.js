@@ -1,5 +1,5 @@
 /**
- * Which scene is shown: the switcher, and uploading by file picker or by dropping a file anywhere on the page.
+ * The choice of scene, and uploads by file picker or by dropping a file anywhere on the page.
  */
 
 import { h } from './dom.js';
@@ -21,7 +21,7 @@ export class ScenePanel {
    * @param {HTMLButtonElement} parts.button
    * @param {HTMLInputElement} parts.input of type file
    * @param {HTMLElement} parts.dropZone shown while a file hovers over the page
-   * @param {HTMLElement} parts.progress host of the upload's progress
+   * @param {HTMLElement} parts.progress host of the progress bar of an upload
    * @param {import('./toast.js').Toasts} toasts
    * @param {(path: string) => void} choose opens the stream of a session
    */
@@ -40,23 +40,23 @@ export class ScenePanel {
     this.#listenToDrops();
   }
 
-  /** Scenes known at present. */
+  /** Known scenes. */
   get scenes() {
     return this.#scenes;
   }
 
   /**
-   * Asks for the list and opens a scene of it.
-   * @param {string} [wish] id or name of the scene to open; the first one otherwise
+   * Loads the list and opens a scene of it.
+   * @param {string} [wanted] id or name of the scene to open; the first one otherwise
    * @throws {ServiceError}
    */
-  async load(wish) {
+  async load(wanted) {
     await this.#refresh();
-    this.#choose(this.#scenes.find(({ id, name }) => id === wish || name === wish) ?? this.#scenes[0]);
+    this.#choose(this.#scenes.find(({ id, name }) => id === wanted || name === wanted) ?? this.#scenes[0]);
   }
 
   /**
-   * After a restart of the server the same scene lives in a session with another name: finds and opens it.
+   * After a restart of the server the same scene has another session: finds and opens it.
    * @returns {Promise<boolean>} whether there was such a session
    */
   async recover() {
@@ -98,7 +98,7 @@ export class ScenePanel {
   /** @param {File} file */
   async #send(file) {
     if (this.#upload) {
-      this.toasts.show('One upload is under way already. Wait for it, or cancel it.', 'error');
+      this.toasts.show('An upload is already running. Wait for it, or cancel it.', 'error');
       return;
     }
     if (!/\.glb$/i.test(file.name)) {
@@ -138,7 +138,7 @@ export class ScenePanel {
     const { dropZone } = this.parts;
     /** @param {DragEvent} event */
     const carriesFile = (event) => event.dataTransfer?.types.includes('Files') ?? false;
-    // Enter and leave fire for every element on the way.
+    // Enter and leave fire for every element under the pointer.
     let depth = 0;
     addEventListener('dragenter', (event) => {
       if (!carriesFile(event)) return;

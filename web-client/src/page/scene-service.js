@@ -11,7 +11,7 @@
  * @property {string[]} warnings
  */
 
-/** A refusal with words for people. */
+/** A failed request, with a user-visible message. */
 export class ServiceError extends Error {
   name = 'ServiceError';
 }
@@ -47,7 +47,7 @@ export async function listScenes() {
  */
 export function uploadScene(file, progress, signal) {
   return new Promise((resolve, reject) => {
-    // `fetch` cannot tell how much of a body has gone out.
+    // `fetch` does not report the progress of a request body.
     const request = new XMLHttpRequest();
     request.open('POST', `/v1/scenes?name=${encodeURIComponent(file.name.replace(/\.glb$/i, ''))}`);
     request.setRequestHeader('content-type', 'model/gltf-binary');
@@ -67,7 +67,7 @@ export function uploadScene(file, progress, signal) {
 }
 
 /**
- * Words for a refusal: the problem document's own where there is one.
+ * The message of a refusal: that of the problem document, if there is one.
  * @param {number} status
  * @param {string} body
  */

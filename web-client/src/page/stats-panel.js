@@ -1,5 +1,5 @@
 /**
- * Figures of the view: what arrives here, what the server does for it, pass by pass.
+ * Statistics of the view: rates measured here, and times of the server by pass.
  */
 
 import { h } from './dom.js';
@@ -8,7 +8,7 @@ import { auditedError, bytes, count, milliseconds, reasonText } from './format.j
 const ROWS = /** @type {const} */ ({
   error: 'Error',
   samples: 'Samples per pixel',
-  size: 'Picture',
+  size: 'Image',
   fps: 'Frames per second',
   latency: 'Input to photon, p50 / p95',
   bandwidth: 'Received per second',
@@ -20,7 +20,7 @@ const ROWS = /** @type {const} */ ({
   server: 'Server',
 });
 
-/** Times in the frame header saturate. */
+/** Times in the frame header saturate here. */
 const MOST_MS = 655.35;
 
 /** @param {number} ms */
@@ -108,7 +108,7 @@ export class StatsPanel {
    */
   #set(key, text) {
     const value = this.#values[key];
-    // Writing the same text again would still dirty the layout.
+    // Writing an equal text would invalidate the layout.
     if (value && value.textContent !== text) value.textContent = text;
   }
 }

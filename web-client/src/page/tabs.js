@@ -1,11 +1,11 @@
 /**
- * The panels on a small screen: a sheet at the lower edge with one panel at a time, closed to its tabs until asked for.
+ * The panels on a small screen: a sheet at the lower edge with one panel at a time, closed to its tabs at first.
  * On a wide screen the style sheet shows all panels and hides the tabs.
  */
 
 /**
  * @param {HTMLElement} sheet with `[data-tab]` buttons and `[data-panel]` sections
- * @returns {(name: string) => void} opens a panel where there are tabs
+ * @returns {(name: string) => void} opens a panel, if the tabs are shown
  */
 export function wireTabs(sheet) {
   /** @type {NodeListOf<HTMLButtonElement>} */

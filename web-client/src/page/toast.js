@@ -1,11 +1,11 @@
 /**
- * Short messages at the edge of the page: what was refused and why, what was saved. Read out by screen readers.
+ * Short messages at the edge of the page: refusals with their reason, confirmations. Announced by screen readers.
  */
 
 import { h } from './dom.js';
 
 const SHOWN_MS = 7000;
-/** Beyond this the oldest goes. */
+/** Most messages at a time; the oldest is removed. */
 const MOST = 3;
 
 export class Toasts {

@@ -1,4 +1,4 @@
-/* Runs only in browsers without modules; written so that they can read it. */
+/* Runs only in browsers without modules; written in their dialect. */
 document.addEventListener('DOMContentLoaded', function () {
   var plate = document.getElementById('away');
   plate.hidden = false;

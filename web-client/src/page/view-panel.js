@@ -1,13 +1,12 @@
 /**
- * How the view is rendered, what it shows and where it stands: technique, output, exposure, resolution, viewpoints,
- * import warnings.
+ * Settings of the view: technique, output, exposure, resolution, viewpoints; warnings of the import.
  */
 
 import { h } from './dom.js';
 import { choice, slider } from './fields.js';
 import { evOf, factorOf } from './quantities.js';
 
-/** The choice that is no output. */
+/** The choice for no output. */
 const RADIANCE = { value: '', label: 'Radiance' };
 
 const RESOLUTIONS = [
@@ -37,7 +36,7 @@ export class ViewPanel {
       type: 'button',
       textContent: 'Inspect',
       'aria-pressed': 'false',
-      title: 'Click a point of the picture to see which surfels light it',
+      title: 'Click a point of the image to see which surfels light it',
       onclick: () => {
         view.inspecting = !view.inspecting;
       },
@@ -88,7 +87,7 @@ export class ViewPanel {
     this.#warn(welcome.warnings);
   }
 
-  /** @param {boolean} on whether the inspect mode is */
+  /** @param {boolean} on whether the inspect mode is on */
   inspecting(on) {
     this.inspect.ariaPressed = String(on);
   }

@@ -1,5 +1,5 @@
 /**
- * WebSocket close codes, and what each means for the person in front of the picture. Mirrors `protocol/src/close.rs`.
+ * WebSocket close codes, and what each means to the user. Mirrors `protocol/src/close.rs`.
  */
 
 export const close = Object.freeze({
@@ -24,15 +24,15 @@ export const close = Object.freeze({
  * @property {'away' | 'full' | 'restarting' | 'gpu' | 'gone' | 'superseded' | 'outdated' | 'refused' | 'slow'} kind
  * @property {string} title
  * @property {string} detail
- * @property {boolean} retry whether to try again unasked
- * @property {number} minDelayMs least wait before the next try
+ * @property {boolean} retry whether to reconnect without user action
+ * @property {number} minDelayMs least wait before the next attempt
  */
 
 /** @type {Verdict} */
 const AWAY = {
   kind: 'away',
   title: 'The render server is not answering',
-  detail: 'Your camera and settings are kept here and will be taken up again.',
+  detail: 'Your camera and settings are kept here and will be restored.',
   retry: true,
   minDelayMs: 0,
 };
@@ -41,7 +41,7 @@ const AWAY = {
 const FULL = {
   kind: 'full',
   title: 'The render server is full',
-  detail: 'All places are taken at the moment. This page keeps trying and will join as soon as one is free.',
+  detail: 'All connections are in use. This page keeps trying and will join as soon as one is free.',
   retry: true,
   minDelayMs: 5000,
 };
@@ -63,18 +63,18 @@ const VERDICTS = {
   [close.NO_CAPACITY]: FULL,
   [close.POLICY]: stop('refused', 'This page may not use the render server', 'Open the page from an address the server allows.'),
   [close.TOO_BIG]: stop('refused', 'The server refused a message as too large', 'Reload the page; if it happens again, please report it.'),
-  [close.MALFORMED]: stop('refused', 'Page and server misunderstood each other', 'Reload the page; if it happens again, please report it.'),
+  [close.MALFORMED]: stop('refused', 'The page sent a message that the server could not read', 'Reload the page; if it happens again, please report it.'),
   [close.NO_SESSION]: stop('gone', 'This session no longer exists', 'Choose a scene to start a new one.'),
   [close.ENDED]: stop('gone', 'This session has ended', 'Choose a scene to start a new one.'),
-  [close.SUPERSEDED]: stop('superseded', 'This view continues elsewhere', 'A newer connection has taken it over. You can take it back here.'),
+  [close.SUPERSEDED]: stop('superseded', 'This view continues elsewhere', 'A newer connection has taken it over. You can resume it here.'),
   [close.VERSION]: stop('outdated', 'The server has been updated', 'Reload the page to get the matching version.'),
-  [close.TOO_SLOW]: { ...AWAY, kind: 'slow', title: 'The connection was too slow', detail: 'Pictures were not getting through. Trying again.', minDelayMs: 1000 },
-  [close.RATE]: { ...AWAY, kind: 'slow', title: 'Too much at once', detail: 'The server asked for a pause. Continuing shortly.', minDelayMs: 5000 },
+  [close.TOO_SLOW]: { ...AWAY, kind: 'slow', title: 'The connection was too slow', detail: 'Frames were not acknowledged in time. Reconnecting.', minDelayMs: 1000 },
+  [close.RATE]: { ...AWAY, kind: 'slow', title: 'Too many messages', detail: 'The server limits the rate of messages. Reconnecting shortly.', minDelayMs: 5000 },
   [close.GPU_LOST]: { ...AWAY, kind: 'gpu', title: 'The graphics device failed', detail: 'The server lost its GPU and is recovering.', minDelayMs: 5000 },
 };
 
 /**
- * What a close means. Codes we do not know count as "away", because trying again is harmless.
+ * The meaning of a close code. An unknown code counts as "away", because reconnecting is harmless.
  * @param {number} code
  * @returns {Verdict}
  */

@@ -27,11 +27,11 @@ const CODECS = /** @type {Record<number, { codec: import('./messages.js').Codec,
  * @property {number} inputSeq last client input contained in the image
  * @property {number} sceneRev
  * @property {[number, number, number, number]} rect x, y, width, height of the payload
- * @property {[number, number]} fullSize width and height to show it at
+ * @property {[number, number]} fullSize width and height of the view
  * @property {number} serverUs server's monotonic microseconds, low 32 bits
  * @property {number} renderMs
  * @property {number} encodeMs
- * @property {number} samples samples a pixel, saturating at 65535
+ * @property {number} samples samples per pixel, saturating at 65535
  * @property {number} quality 1 to 100
  * @property {number} payloadBytes
  */
@@ -42,10 +42,10 @@ export class FrameError extends Error {
 }
 
 /**
- * Reads a whole message: its header and the encoded image after it.
+ * Decodes a whole message: its header and the encoded image after it.
  * @param {ArrayBuffer} message
  * @returns {{ header: FrameHeader, payload: Uint8Array<ArrayBuffer> }}
- * @throws {FrameError} where the message is not a frame of this version
+ * @throws {FrameError} if the message is not a frame of this version
  */
 export function decodeFrame(message) {
   if (message.byteLength < HEADER_BYTES) {

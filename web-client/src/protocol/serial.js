@@ -12,7 +12,7 @@ export function isAtOrAfter(a, b) {
 }
 
 /**
- * The number that follows `a`; zero stays reserved for "no input yet".
+ * The number that follows `a`; zero is reserved for "no input yet".
  * @param {number} a
  */
 export function next(a) {

@@ -1,7 +1,7 @@
 /**
- * Small checks of parsed JSON. A message is not trusted because it parsed: what the view reads must be there and finite.
+ * Checks of parsed JSON: every field that the client reads must be present, of its type and finite.
  *
- * A shape takes a value and a path and returns what is wrong with it, or nothing.
+ * A shape takes a value and its path and returns a description of the first fault, or nothing.
  */
 
 /** @typedef {(value: unknown, path: string) => string | undefined} Shape */
@@ -17,7 +17,7 @@ export const string = (value, path) => (typeof value === 'string' ? undefined : 
 export const boolean = (value, path) => (typeof value === 'boolean' ? undefined : `${path} is not true or false`);
 
 /**
- * Absent or null is fine.
+ * Accepts an absent field and null.
  * @param {Shape} shape
  * @returns {Shape}
  */
@@ -26,7 +26,7 @@ export const optional = (shape) => (value, path) =>
 
 /**
  * @param {Shape} shape
- * @param {number} [length] exact length, where it is fixed
+ * @param {number} [length] exact length, if it is fixed
  * @returns {Shape}
  */
 export const list = (shape, length) => (value, path) => {

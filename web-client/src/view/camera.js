@@ -1,6 +1,6 @@
 /**
  * Camera movements as pure functions from pose to pose. World space, metres; angles in radians, right-handed.
- * `up` of a pose is the axis that orbiting turns about, as its author gave it; it is never tilted.
+ * `up` of a pose is the axis of orbiting, as the scene gives it; no movement changes it.
  */
 
 import { add, cross, dot, length, mix, normalize, rotate, scale, subtract } from './vector.js';
@@ -8,18 +8,18 @@ import { add, cross, dot, length, mix, normalize, rotate, scale, subtract } from
 /** @typedef {import('../protocol/messages.js').Pose} Pose */
 /** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
 
-/** Closest that the view direction comes to the up axis; at the pole itself "right" would be undefined. */
+/** Least angle between view direction and up axis; at the pole itself "right" is undefined. */
 const POLE_MARGIN = 0.01;
 
 /**
- * Right, up and forward unit vectors of the picture.
+ * Right, up and forward unit vectors of the image.
  * @param {Pose} pose
  */
 export function basis(pose) {
   const forward = normalize(subtract(pose.target, pose.eye), [0, 0, -1]);
   const up = normalize(pose.up);
   const side = cross(forward, up);
-  // Looking along the axis, any perpendicular will do.
+  // Any perpendicular, if the view direction is the axis.
   const right = length(side) > 1e-9 ? normalize(side) : normalize(cross(forward, Math.abs(forward[0]) < 0.9 ? [1, 0, 0] : [0, 0, 1]));
   return { right, up: cross(right, forward), forward };
 }
@@ -54,7 +54,7 @@ export function orbit(pose, azimuth, polar) {
 }
 
 /**
- * Turns the head: the eye stays.
+ * Rotates the view direction about the eye.
  * @param {Pose} pose
  * @param {number} yaw positive turns left
  * @param {number} pitch positive looks up
@@ -65,10 +65,10 @@ export function look(pose, yaw, pitch) {
 }
 
 /**
- * Slides eye and target in the plane of the picture, so that the point at the target follows the pointer.
+ * Translates eye and target in the image plane, so that the point at the target follows the pointer.
  * @param {Pose} pose
- * @param {number} right fraction of the picture's height
- * @param {number} up fraction of the picture's height
+ * @param {number} right fraction of the image height
+ * @param {number} up fraction of the image height
  * @returns {Pose}
  */
 export function pan(pose, right, up) {
@@ -91,7 +91,7 @@ export function dolly(pose, factor, nearest) {
 }
 
 /**
- * Flies: eye and target move together along the picture's own axes.
+ * Flies: eye and target move together along the axes of the camera.
  * @param {Pose} pose
  * @param {Vec3} metres right, up, forward
  * @returns {Pose}
@@ -105,7 +105,7 @@ export function fly(pose, metres) {
 }
 
 /**
- * Looks at a point without changing where the eye is.
+ * Turns the camera to a point; the eye stays.
  * @param {Pose} pose
  * @param {Vec3} point
  * @returns {Pose}
@@ -147,8 +147,8 @@ export function between(from, to, t) {
 }
 
 /**
- * Where the picture is taken from, in words: "upper front right".
- * glTF says that the front of a model faces +Z.
+ * The position of the camera relative to its target in words: "upper front right".
+ * In glTF the front of a model faces +Z.
  * @param {Pose} pose
  */
 export function spokenDirection(pose) {

@@ -1,12 +1,12 @@
 /**
- * Puts pictures on the canvas, at most one an animation frame and the newest only. Asks for no animation frame while
- * there is nothing to show.
+ * Draws decoded frames on the canvas, at most one per animation frame and the newest only. Requests no animation frame
+ * while there is nothing to draw.
  */
 
-/** @typedef {import('./frame-queue.js').Picture} Picture */
+/** @typedef {import('./frame-queue.js').DecodedFrame} DecodedFrame */
 
 export class CanvasPresenter {
-  /** @type {Picture | undefined} */
+  /** @type {DecodedFrame | undefined} */
   #next;
   /** @type {number | undefined} */
   #request;
@@ -15,8 +15,8 @@ export class CanvasPresenter {
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {object} options
-   * @param {(picture: Picture) => void} options.shown the picture is on the canvas; its bitmap is closed already
-   * @param {() => void} options.dropped a picture was replaced before it was shown
+   * @param {(frame: DecodedFrame) => void} options.shown the frame is on the canvas; its bitmap is closed already
+   * @param {() => void} options.dropped a frame was replaced before it was drawn
    */
   constructor(canvas, { shown, dropped }) {
     this.canvas = canvas;
@@ -25,17 +25,17 @@ export class CanvasPresenter {
     this.#context = canvas.getContext('2d', { alpha: false });
   }
 
-  /** @param {Picture} picture */
-  present(picture) {
+  /** @param {DecodedFrame} frame */
+  present(frame) {
     if (this.#next) {
       this.#next.bitmap.close();
       this.dropped();
     }
-    this.#next = picture;
+    this.#next = frame;
     this.#request ??= requestAnimationFrame(() => this.#draw());
   }
 
-  /** Blackens the canvas; what it showed belongs to another scene. */
+  /** Clears the canvas, whose image belongs to another scene. */
   clear() {
     this.#next?.bitmap.close();
     this.#next = undefined;
@@ -44,22 +44,22 @@ export class CanvasPresenter {
 
   #draw() {
     this.#request = undefined;
-    const picture = this.#next;
+    const frame = this.#next;
     this.#next = undefined;
-    if (!picture) return;
-    const { header, bitmap } = picture;
+    if (!frame) return;
+    const { header, bitmap } = frame;
     const [width, height] = header.fullSize;
-    // Setting a canvas' size clears it, so only when it changes.
+    // Setting the size of a canvas clears it, so only on a change.
     if (this.canvas.width !== width || this.canvas.height !== height) {
       this.canvas.width = width;
       this.canvas.height = height;
     }
     if (this.#context) {
       this.#context.imageSmoothingQuality = 'high';
-      // A full frame covers the picture whatever resolution it was rendered at.
+      // A frame covers the whole canvas at any resolution.
       this.#context.drawImage(bitmap, 0, 0, width, height);
     }
     bitmap.close();
-    this.shown(picture);
+    this.shown(frame);
   }
 }

@@ -1,18 +1,18 @@
 /**
- * What this browser can do, found out before anything is built on it.
+ * Features of this browser, probed before the client uses them.
  */
 
 /** @typedef {import('../protocol/messages.js').Codec} Codec */
 
 /**
- * Names, for people, of what the client needs and this browser lacks; empty where all is well.
+ * User-visible names of the features that the client needs and this browser lacks.
  * @param {Record<string, unknown>} [scope] global object, for tests
  * @returns {string[]}
  */
 export function missingFeatures(scope = /** @type {any} */ (globalThis)) {
   const needed = {
     WebSocket: 'WebSocket connections',
-    createImageBitmap: 'picture decoding (createImageBitmap)',
+    createImageBitmap: 'image decoding (createImageBitmap)',
     customElements: 'custom elements',
     ResizeObserver: 'size observation (ResizeObserver)',
     PointerEvent: 'pointer input (PointerEvent)',
@@ -23,7 +23,7 @@ export function missingFeatures(scope = /** @type {any} */ (globalThis)) {
     .map(([, label]) => label);
 }
 
-/** One white pixel as lossy WebP: the oldest kind, which every decoder of the format reads. */
+/** One white pixel as lossy WebP, the variant that every decoder of the format supports. */
 const WEBP_PIXEL = 'UklGRiIAAABXRUJQVlA4IBYAAAAwAQCdASoBAAEADsD+JaQAA3AAAAAA';
 
 /**
@@ -40,5 +40,5 @@ export async function decodableCodecs() {
   }
 }
 
-/** Whether the user asked for less motion. */
+/** Whether the user prefers reduced motion. */
 export const prefersReducedMotion = () => matchMedia('(prefers-reduced-motion: reduce)').matches;

@@ -1,10 +1,10 @@
 /**
- * Flying with W A S D Q E. Runs an animation loop only while keys are held and flying is allowed.
+ * Flying with W A S D Q E. Runs an animation loop only while keys are held and flying is on.
  */
 
 import { fly } from './camera.js';
 
-/** Metres a second, as a part of the scene's radius. */
+/** Scene radii per second. */
 const SPEED = 0.35;
 /** Factor while Shift is held. */
 const FAST = 4;
@@ -22,11 +22,11 @@ const DIRECTIONS = {
 export class Flight {
   /** Fly mode, toggled by the user. */
   #mode = false;
-  /** The right button flies for as long as it is held. */
+  /** Whether the right button is held, which flies as well. */
   #button = false;
   #fast = false;
   /** Factor set by the wheel. */
-  #pace = 1;
+  #speed = 1;
   /** @type {Set<string>} */
   #held = new Set();
   /** @type {number | undefined} */
@@ -46,7 +46,7 @@ export class Flight {
     return this.#mode;
   }
 
-  /** Whether pointer movement should turn the head. */
+  /** Whether pointer movement rotates the view direction. */
   get looking() {
     return this.#mode || (this.#button && this.#held.size > 0);
   }
@@ -66,14 +66,14 @@ export class Flight {
   }
 
   /** @param {number} factor */
-  changePace(factor) {
-    this.#pace = Math.min(20, Math.max(0.05, this.#pace * factor));
+  changeSpeed(factor) {
+    this.#speed = Math.min(20, Math.max(0.05, this.#speed * factor));
   }
 
   /**
-   * @param {string} code `KeyboardEvent.code`, so that the keys keep their place on every layout
+   * @param {string} code `KeyboardEvent.code`, so that the keys are at the same place on every layout
    * @param {boolean} fast
-   * @returns {boolean} whether the key flies at present
+   * @returns {boolean} whether the key was used
    */
   press(code, fast) {
     if (!(this.#mode || this.#button) || !Object.hasOwn(DIRECTIONS, code)) return false;
@@ -105,18 +105,18 @@ export class Flight {
 
   #step() {
     const now = this.rig.scheduler.now();
-    // A stalled tab must not become a leap.
+    // Bounded, so that a stalled tab does not jump.
     const seconds = Math.min(0.1, (now - this.#last) / 1000);
     this.#last = now;
-    const metres = this.rig.radius * SPEED * this.#pace * (this.#fast ? FAST : 1) * seconds;
+    const metres = this.rig.radius * SPEED * this.#speed * (this.#fast ? FAST : 1) * seconds;
     /** @type {import('../protocol/messages.js').Vec3} */
-    const way = [0, 0, 0];
+    const offset = [0, 0, 0];
     for (const code of this.#held) {
       DIRECTIONS[code]?.forEach((part, axis) => {
-        way[axis] = /** @type {number} */ (way[axis]) + part * metres;
+        offset[axis] = /** @type {number} */ (offset[axis]) + part * metres;
       });
     }
-    this.rig.move(fly(this.rig.pose, way));
+    this.rig.move(fly(this.rig.pose, offset));
     this.#loop = this.rig.scheduler.requestFrame(() => this.#step());
   }
 }

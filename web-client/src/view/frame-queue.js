@@ -1,12 +1,12 @@
 /**
- * From binary message to picture: decodes one frame at a time, keeps at most one waiting (the newest), acknowledges as
- * soon as a frame is decoded and hands the picture on. Never waits for the display.
+ * From binary message to decoded frame: decodes one at a time, keeps at most one waiting (the newest), acknowledges a
+ * frame as soon as it is decoded and passes it on. Never waits for the display.
  */
 
 import { decodeFrame } from '../protocol/frame.js';
 
 /**
- * @typedef {object} Picture
+ * @typedef {object} DecodedFrame
  * @property {import('../protocol/frame.js').FrameHeader} header
  * @property {ImageBitmap} bitmap
  * @property {number} bytes of the whole message
@@ -19,14 +19,14 @@ export class FrameQueue {
   #waiting;
   #busy = false;
   #dropped = 0;
-  /** Changes when the connection does, so that a decode that was under way is not acknowledged to the next one. */
+  /** Number of the connection, so that a frame of an earlier one is not acknowledged to the next. */
   #generation = 0;
 
   /**
    * @param {object} options
    * @param {(payload: Uint8Array<ArrayBuffer>, mime: string) => Promise<ImageBitmap>} options.decode
    * @param {(ack: Acknowledgement) => void} options.acknowledge
-   * @param {(picture: Picture) => void} options.present takes over the bitmap
+   * @param {(frame: DecodedFrame) => void} options.present takes over the bitmap
    * @param {(error: Error) => void} options.fail
    * @param {() => number} options.now
    */
@@ -44,12 +44,12 @@ export class FrameQueue {
     void this.#run(message, this.#generation);
   }
 
-  /** Counts a decoded picture that a newer one replaced before it was shown. */
+  /** Counts a decoded frame that a newer one replaced before it was shown. */
   countDropped() {
     this.#dropped += 1;
   }
 
-  /** Forgets what waits; for a new connection. */
+  /** Drops the waiting frame; for a new connection. */
   reset() {
     this.#generation += 1;
     this.#waiting = undefined;
@@ -89,7 +89,7 @@ export class FrameQueue {
       present({ header, bitmap, bytes: message.byteLength });
     } catch (error) {
       if (generation !== this.#generation) return;
-      // An undecodable picture still leaves the wire: without this the server would wait for it for ever.
+      // An undecodable frame is acknowledged too: the server would wait for it for ever.
       this.#dropped += 1;
       if (header) this.#acknowledge(acknowledge, header.frameSeq, 0);
       fail(/** @type {Error} */ (error));

@@ -3,9 +3,9 @@
  * `start` and `end` are sent at once and never lost.
  */
 
-/** Least time between two moves; displays faster than this would exceed the server's limit on inputs. */
+/** Least time between two moves; a faster display would exceed the server's limit on inputs. */
 const LEAST_INTERVAL_MS = 8;
-/** Wheels and repeated keys have no release: their gesture ends after this much quiet. */
+/** Wheels and repeated keys have no release: their gesture ends after this time without input. */
 export const QUIET_MS = 200;
 
 /**
@@ -48,7 +48,7 @@ export class Gesture {
     this.scheduler = scheduler;
   }
 
-  /** Whether a gesture is under way. */
+  /** Whether a gesture is open. */
   get isOpen() {
     return this.#open;
   }
@@ -79,7 +79,7 @@ export class Gesture {
     this.#quiet = this.scheduler.setTimeout(() => this.end(), QUIET_MS);
   }
 
-  /** Closes the gesture with its newest value; nothing happens if none is open. */
+  /** Closes the gesture with its newest value; does nothing if none is open. */
   end() {
     this.#clearQuiet();
     this.#dropPending();
@@ -89,7 +89,7 @@ export class Gesture {
   }
 
   /**
-   * A value that is a whole gesture.
+   * Sends a value that is a whole gesture.
    * @param {T} value
    */
   once(value) {
@@ -100,7 +100,7 @@ export class Gesture {
     this.send(value, 'end');
   }
 
-  /** Forgets an open gesture without a word, for when there is nobody to tell. */
+  /** Drops an open gesture without sending, after the connection was lost. */
   abandon() {
     this.#clearQuiet();
     this.#dropPending();

@@ -1,22 +1,22 @@
 /**
- * Looking into the renderer: while the mode is on, a click asks which surfels light the surface under it. One question
- * at a time; of the points clicked meanwhile the newest is asked next.
+ * Inspection of the renderer: while the mode is on, a click requests which surfels light the surface under it. One
+ * request at a time; of the points clicked meanwhile the newest is requested next.
  */
 
-/** @typedef {{ x: number, y: number }} Point fractions of the picture, from its upper left corner */
+/** @typedef {{ x: number, y: number }} Point fractions of the image, from its upper left corner */
 
 export class InspectMode {
   #on = false;
-  /** Id of the question that is out. @type {number | undefined} */
-  #asked;
-  /** Point to ask about next. @type {Point | undefined} */
+  /** Id of the request that is open. @type {number | undefined} */
+  #pending;
+  /** Point to request next. @type {Point | undefined} */
   #next;
 
   /**
    * @param {object} options
-   * @param {(point: Point) => number | undefined} options.send sends the question and returns its id; nothing when nobody hears it
+   * @param {(point: Point) => number | undefined} options.send sends the request and returns its id; nothing if it could not be sent
    * @param {(mode: { on: boolean, waiting: boolean }) => void} options.changed
-   * @param {(point: Point | undefined) => void} options.mark shows which point is meant
+   * @param {(point: Point | undefined) => void} options.mark shows the requested point
    */
   constructor({ send, changed, mark }) {
     this.send = send;
@@ -32,63 +32,63 @@ export class InspectMode {
   set(on) {
     if (on === this.#on) return;
     this.#on = on;
-    this.#forget();
+    this.#reset();
   }
 
   /** @param {Point} point */
-  ask(point) {
+  request(point) {
     if (!this.#on) return;
-    if (this.#asked !== undefined) {
+    if (this.#pending !== undefined) {
       this.#next = point;
       this.mark(point);
       return;
     }
-    this.#asked = this.send(point);
-    if (this.#asked === undefined) return;
+    this.#pending = this.send(point);
+    if (this.#pending === undefined) return;
     this.mark(point);
-    this.#tell();
+    this.#emit();
   }
 
   /**
-   * An answer or a refusal came.
-   * @param {number | null | undefined} re id of the question
-   * @returns {'other' | 'stale' | 'newest'} whether it is to one of ours, and still of interest
+   * An answer or a refusal arrived.
+   * @param {number | null | undefined} re id of the request
+   * @returns {'other' | 'stale' | 'newest'} whether it answers a request of ours, and no newer one is open
    */
-  answered(re) {
-    if (re === undefined || re === null || re !== this.#asked) return 'other';
-    this.#asked = undefined;
+  onAnswer(re) {
+    if (re === undefined || re === null || re !== this.#pending) return 'other';
+    this.#pending = undefined;
     const next = this.#next;
     this.#next = undefined;
-    if (next) this.ask(next);
-    if (this.#asked !== undefined) return 'stale';
-    this.#tell();
+    if (next) this.request(next);
+    if (this.#pending !== undefined) return 'stale';
+    this.#emit();
     return 'newest';
   }
 
-  /** The camera moved: the mark would point at something else now. */
-  moved() {
+  /** The mark would point at another surface. */
+  onCameraMove() {
     this.mark(undefined);
   }
 
-  /** Nobody will answer any more. */
-  lost() {
-    if (this.#asked !== undefined) this.#forget();
+  /** The open request will not be answered. */
+  onDisconnect() {
+    if (this.#pending !== undefined) this.#reset();
   }
 
-  #forget() {
-    this.#asked = undefined;
+  #reset() {
+    this.#pending = undefined;
     this.#next = undefined;
     this.mark(undefined);
-    this.#tell();
+    this.#emit();
   }
 
-  #tell() {
-    this.changed({ on: this.#on, waiting: this.#asked !== undefined });
+  #emit() {
+    this.changed({ on: this.#on, waiting: this.#pending !== undefined });
   }
 }
 
 /**
- * Marks a point of the picture with an element that lies over it.
+ * Marks a point of the image with an element on top of it.
  * @param {HTMLElement} element
  * @returns {(point: Point | undefined) => void}
  */

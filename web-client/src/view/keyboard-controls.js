@@ -17,14 +17,14 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowD
  * @param {import('./rig.js').Rig} options.rig
  * @param {import('./flight.js').Flight} options.flight
  * @param {import('./inspect-mode.js').InspectMode} options.inspect
- * @param {() => void} options.leaveInspect ends that mode
+ * @param {() => void} options.leaveInspect turns that mode off
  * @param {AbortSignal} options.signal ends all listening
  */
 export function listenToKeyboard(element, { rig, flight, inspect, leaveInspect, signal }) {
   element.addEventListener(
     'keydown',
     (event) => {
-      // Shortcuts of browser and system stay theirs.
+      // Leave shortcuts of browser and system alone.
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       if (flight.press(event.code, event.shiftKey) || act(event)) event.preventDefault();
     },
@@ -35,7 +35,7 @@ export function listenToKeyboard(element, { rig, flight, inspect, leaveInspect, 
 
   /**
    * @param {KeyboardEvent} event
-   * @returns {boolean} whether the key means something here
+   * @returns {boolean} whether the key was used
    */
   function act(event) {
     const arrow = Object.hasOwn(ARROWS, event.key) ? ARROWS[event.key] : undefined;
@@ -67,7 +67,7 @@ export function listenToKeyboard(element, { rig, flight, inspect, leaveInspect, 
         return true;
       case 'Enter':
         if (!inspect.on) return false;
-        if (!event.repeat) inspect.ask({ x: 0.5, y: 0.5 });
+        if (!event.repeat) inspect.request({ x: 0.5, y: 0.5 });
         return true;
       case 'Escape':
         if (flight.mode) flight.setMode(false);

@@ -4,9 +4,9 @@
 
 import { isAtOrAfter } from '../protocol/serial.js';
 
-/** Inputs waiting for their frame; beyond it the oldest are forgotten. */
+/** Most inputs that wait for their frame; the oldest are dropped. */
 const MOST_WAITING = 256;
-/** Samples the percentiles are taken over. */
+/** Samples of which the percentiles are taken. */
 const MOST_SAMPLES = 240;
 
 export class InputToPhoton {
@@ -37,13 +37,13 @@ export class InputToPhoton {
     if (this.#samples.length > MOST_SAMPLES) this.#samples.splice(0, this.#samples.length - MOST_SAMPLES);
   }
 
-  /** Inputs on their way when the connection broke will never be answered. */
+  /** Drops inputs that were sent before the connection was lost: no frame will contain them. */
   forgetWaiting() {
     this.#waiting.length = 0;
   }
 
   /**
-   * Nearest-rank percentiles in milliseconds, or nothing before the first sample.
+   * Nearest-rank percentiles in milliseconds, or undefined before the first sample.
    * @returns {{ p50: number, p95: number } | undefined}
    */
   percentiles() {

@@ -1,13 +1,14 @@
 /**
  * Mouse, pen and touch. Left drag or one finger orbits; right, middle, Ctrl, Shift or two fingers pan; wheel and pinch
- * dolly; double click or double tap asks what is there, unless a single one means something. Follows three.js OrbitControls and DCC habits (Alt + left orbits).
+ * dolly; double click or double tap picks the surface, unless a single one is used by a mode. Follows three.js OrbitControls
+ * and DCC tools (Alt + left orbits).
  */
 
 import { dolly, look, orbit, pan } from './camera.js';
 
-/** A drag over the picture's height turns once around. */
+/** A drag over the height of the image is a full turn. */
 const TURN = 2 * Math.PI;
-/** Looking around is slower than orbiting. */
+/** Rotation of the view direction is slower than orbiting. */
 const LOOK_TURN = 0.6 * Math.PI;
 /** Wheel: one notch is about 100 pixels. */
 const WHEEL_RATE = 0.001;
@@ -36,8 +37,8 @@ export class PointerControls {
    * @param {object} options
    * @param {import('./rig.js').Rig} options.rig
    * @param {import('./flight.js').Flight} options.flight
-   * @param {(x: number, y: number) => boolean} options.tap place in the canvas, CSS pixels; false where it means nothing
-   * @param {(x: number, y: number) => void} options.pick likewise, of a double tap
+   * @param {(x: number, y: number) => boolean} options.tap place in the canvas, CSS pixels; returns whether the tap was used
+   * @param {(x: number, y: number) => void} options.pick the same for a double tap
    * @param {AbortSignal} options.signal ends all listening
    */
   constructor(canvas, { rig, flight, tap, pick, signal }) {
@@ -57,7 +58,7 @@ export class PointerControls {
 
   /** @param {PointerEvent} event */
   #onDown(event) {
-    // Pressing a button focuses by itself, and without a ring. Middle would start the browser's own scrolling instead.
+    // The middle button would start the browser's scrolling; the others focus the canvas by default, without a ring.
     if (event.button === 1) {
       event.preventDefault();
       this.canvas.focus({ preventScroll: true });
@@ -80,7 +81,7 @@ export class PointerControls {
   /** @param {PointerEvent} event */
   #onMove(event) {
     if (document.pointerLockElement && this.flight.mode) {
-      // A locked pointer has no release, so this gesture ends by itself.
+      // A locked pointer has no release, so the gesture ends after a quiet time.
       this.rig.burst(this.#looked(event.movementX, event.movementY));
       return;
     }
@@ -131,7 +132,7 @@ export class PointerControls {
 
   /**
    * @param {PointerEvent} event
-   * @param {boolean} released by the user, not taken away
+   * @param {boolean} released by the user, not cancelled by the browser
    */
   #onUp(event, released) {
     if (!this.#down.delete(event.pointerId)) return;
@@ -166,7 +167,7 @@ export class PointerControls {
     const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
     const amount = event.deltaY * unit * (event.ctrlKey ? PINCH_WHEEL_RATE : WHEEL_RATE);
     if (amount === 0) return;
-    if (this.flight.mode) this.flight.changePace(Math.exp(-amount));
+    if (this.flight.mode) this.flight.changeSpeed(Math.exp(-amount));
     else this.rig.burst(dolly(this.rig.pose, Math.exp(amount), this.rig.nearest));
   }
 }

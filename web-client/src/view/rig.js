@@ -1,12 +1,12 @@
 /**
- * The camera of one view: holds the pose, turns movements into gestures, glides between viewpoints.
- * At rest it does nothing at all, so that the server can settle.
+ * The camera of one view: holds the pose, turns movements into gestures, animates between viewpoints.
+ * At rest it sends nothing, so that the image can converge.
  */
 
 import { between, frame, samePose } from './camera.js';
 import { browserScheduler, Gesture } from './gesture.js';
 
-/** Length of a glide to another viewpoint. */
+/** Duration of the animation to another viewpoint. */
 const GLIDE_MS = 350;
 
 /** @typedef {import('../protocol/messages.js').Pose} Pose */
@@ -46,7 +46,7 @@ export class Rig {
   }
 
   /**
-   * Takes over a scene's viewpoints and stands at the first.
+   * Adopts the viewpoints of a scene and moves to the first.
    * @param {{ cameras: NamedPose[], center: import('../protocol/messages.js').Vec3, radius: number }} scene
    */
   enterScene({ cameras, center, radius }) {
@@ -60,7 +60,7 @@ export class Rig {
     this.changed(this.pose, true);
   }
 
-  /** Least distance between eye and target that dollying reaches. */
+  /** Least distance between eye and target of a dolly. */
   get nearest() {
     return this.radius * 1e-3;
   }
@@ -91,7 +91,7 @@ export class Rig {
   }
 
   /**
-   * Glides to a pose; at once where the user wants less motion.
+   * Animates to a pose; jumps if the user prefers reduced motion.
    * @param {Pose} pose
    */
   goTo(pose) {
@@ -118,7 +118,7 @@ export class Rig {
   }
 
   /**
-   * Goes to a numbered viewpoint: 1 is the scene's first camera, 0 shows the whole scene.
+   * Moves to a numbered viewpoint: 1 is the scene's first camera, 0 shows the whole scene.
    * @param {number} number
    */
   goToPreset(number) {
@@ -126,7 +126,7 @@ export class Rig {
     if (pose) this.goTo(pose);
   }
 
-  /** Forgets an open gesture, for when the connection is gone. */
+  /** Drops an open gesture, after the connection was lost. */
   abandon() {
     this.#gesture.abandon();
   }

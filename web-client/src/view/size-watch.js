@@ -1,5 +1,5 @@
 /**
- * Tells the size of an element in CSS pixels, at once and then at most every tenth of a second while it changes.
+ * Reports the size of an element in CSS pixels: at once, then at most every tenth of a second while it changes.
  */
 
 const THROTTLE_MS = 100;
@@ -11,19 +11,19 @@ const THROTTLE_MS = 100;
  */
 export function watchSize(element, changed) {
   let last = { width: 0, height: 0 };
-  let toldAt = -Infinity;
+  let reportedAt = -Infinity;
   /** @type {number | undefined} */
   let timer;
-  const tell = () => {
+  const report = () => {
     timer = undefined;
-    toldAt = performance.now();
+    reportedAt = performance.now();
     changed(last);
   };
   const observer = new ResizeObserver((entries) => {
     const box = entries.at(-1)?.contentRect;
     if (!box || box.width < 1 || box.height < 1) return;
     last = { width: box.width, height: box.height };
-    timer ??= window.setTimeout(tell, Math.max(0, toldAt + THROTTLE_MS - performance.now()));
+    timer ??= window.setTimeout(report, Math.max(0, reportedAt + THROTTLE_MS - performance.now()));
   });
   observer.observe(element);
   return () => {

@@ -1,6 +1,6 @@
 /**
- * Says in words why there is no picture, or why it stands still: away, full, restarting, gone, no GPU. Counts down to
- * the next try. Screen readers hear each change once, not every second.
+ * States why there is no image, or why it does not change: away, full, restarting, gone, no GPU. Counts down to the
+ * next attempt. Screen readers announce each change once, not every second.
  */
 
 /** @typedef {import('../connection/connection.js').ConnectionState} ConnectionState */
@@ -10,8 +10,8 @@ export class StatusCard {
   #state = { kind: 'idle' };
   /** @type {{ title: string, detail: string } | undefined} */
   #note;
-  #hasPicture = false;
-  #spoken = '';
+  #hasImage = false;
+  #announced = '';
   /** @type {number | undefined} */
   #timer;
 
@@ -34,7 +34,7 @@ export class StatusCard {
   }
 
   /**
-   * Something to say while the connection is fine.
+   * A message to show while the connection is live.
    * @param {{ title: string, detail: string } | undefined} note
    */
   setNote(note) {
@@ -43,9 +43,9 @@ export class StatusCard {
   }
 
   /** @param {boolean} has */
-  setHasPicture(has) {
-    if (has === this.#hasPicture) return;
-    this.#hasPicture = has;
+  setHasImage(has) {
+    if (has === this.#hasImage) return;
+    this.#hasImage = has;
     this.#render();
   }
 
@@ -58,16 +58,16 @@ export class StatusCard {
     const { card, title, detail, action, live } = this.parts;
     const text = this.#text();
     card.hidden = text === undefined;
-    card.classList.toggle('centred', !this.#hasPicture);
+    card.classList.toggle('centred', !this.#hasImage);
     if (!text) {
-      this.#say(live, '');
+      this.#announce(live, '');
       return;
     }
     title.textContent = text.title;
     detail.textContent = text.countdown ? `${text.detail} ${text.countdown}` : text.detail;
     action.hidden = text.action === undefined;
     action.textContent = text.action ?? '';
-    this.#say(live, `${text.title}. ${text.detail}`);
+    this.#announce(live, `${text.title}. ${text.detail}`);
     if (text.countdown) this.#timer = window.setTimeout(() => this.#render(), 1000);
   }
 
@@ -75,9 +75,9 @@ export class StatusCard {
    * @param {HTMLElement} live
    * @param {string} text
    */
-  #say(live, text) {
-    if (text === this.#spoken) return;
-    this.#spoken = text;
+  #announce(live, text) {
+    if (text === this.#announced) return;
+    this.#announced = text;
     live.textContent = text;
   }
 
@@ -88,20 +88,20 @@ export class StatusCard {
       case 'idle':
         return undefined;
       case 'connecting':
-        if (state.last) return { title: state.last.title, detail: state.last.detail, countdown: 'Trying now…' };
+        if (state.last) return { title: state.last.title, detail: state.last.detail, countdown: 'Connecting now…' };
         return { title: 'Connecting', detail: 'Opening the stream from the render server…' };
       case 'waiting': {
         const seconds = Math.max(1, Math.ceil((state.retryAt - performance.now()) / 1000));
-        return { ...state.last, countdown: `Next try in ${seconds} s.`, action: 'Try now' };
+        return { ...state.last, countdown: `Next attempt in ${seconds} s.`, action: 'Try now' };
       }
       case 'stopped': {
-        const actions = { superseded: 'Take it back', outdated: 'Reload', gone: undefined };
+        const actions = { superseded: 'Resume here', outdated: 'Reload', gone: undefined };
         const { kind } = state.last;
         return { ...state.last, action: kind in actions ? actions[/** @type {keyof typeof actions} */ (kind)] : 'Try again' };
       }
       case 'live':
         if (this.#note) return this.#note;
-        return this.#hasPicture ? undefined : { title: 'Rendering the first picture', detail: 'The server is preparing the scene…' };
+        return this.#hasImage ? undefined : { title: 'Rendering the first frame', detail: 'The server is preparing the scene…' };
     }
   }
 }

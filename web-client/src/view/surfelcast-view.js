@@ -1,17 +1,13 @@
 /**
  * `<surfelcast-view src="/v1/sessions/ID/stream">`: one view of a session. Works alone on any page.
  *
- * Attributes: `src` (stream path or address), `max-spp` (stop refining at this many samples a pixel),
- * `resolution` (factor on the picture's size, 0.1 to 1), `inspecting` (a click asks which surfels light a point).
- * Events, all with `detail`: `welcome`, `lights`, `stats`, `notice`, `refused` (messages of the server as they came),
- * `state` (connection), `frame` (header of the picture just shown), `pose` ({ pose, resting }), `inspecting` ({ on,
+ * Attributes: `src` (stream path or address), `max-spp` (stop refining at this many samples per pixel),
+ * `resolution` (factor on the image size, 0.1 to 1), `inspecting` (a click requests which surfels light a point).
+ * Events, all with `detail`: `welcome`, `lights`, `stats`, `notice`, `refused` (messages of the server, unchanged),
+ * `state` (connection), `frame` (header of the frame just shown), `pose` ({ pose, resting }), `inspecting` ({ on,
  * waiting }), `inspected` (an `Answer`).
  */
 
-import { Connection } from '../connection/connection.js';
-import { browserClock } from '../connection/clock.js';
-import { openWebSocket } from '../connection/transport.js';
-import { next } from '../protocol/serial.js';
 import { focus, spokenDirection } from './camera.js';
 import { decodableCodecs, missingFeatures, prefersReducedMotion } from './capabilities.js';
 import { CanvasPresenter } from './canvas-presenter.js';
@@ -19,18 +15,14 @@ import { Flight } from './flight.js';
 import { FrameQueue } from './frame-queue.js';
 import { InspectMode, marking } from './inspect-mode.js';
 import { listenToKeyboard } from './keyboard-controls.js';
-import { InputToPhoton } from './latency.js';
 import { PointerControls } from './pointer-controls.js';
 import { Rate } from './rate.js';
 import { Rig } from './rig.js';
-import { pictureSize } from './size.js';
+import { SessionLink } from './session-link.js';
+import { imageSize } from './size.js';
 import { watchSize } from './size-watch.js';
 import { StatusCard } from './status-card.js';
 import { sheet, template } from './view-template.js';
-
-const CLIENT = 'surfelcast-web/0.1.0';
-/** One view a connection; the protocol could carry more. */
-const VIEW = 0;
 
 /** @typedef {import('../protocol/messages.js').ServerMessage} ServerMessage */
 /** @typedef {import('../protocol/messages.js').ViewSettings} ViewSettings */
@@ -39,28 +31,21 @@ const VIEW = 0;
 export class SurfelcastView extends HTMLElement {
   static observedAttributes = ['src', 'max-spp', 'resolution', 'inspecting'];
 
-  /** @type {Connection | undefined} */
-  #connection;
   /** @type {AbortController | undefined} */
   #listening;
   /** @type {(() => void) | undefined} */
   #unwatchSize;
-  /** @type {import('../protocol/messages.js').Welcome | undefined} */
-  #welcome;
-  /** Scene that the rig stands in. */
-  #scene = '';
-  #inputSeq = 0;
-  #requestId = 0;
-  /** Request whose answer the camera will go to. */
-  #pickId = 0;
-  /** Whether the note on the card is about a picture that could not be read. */
-  #unreadable = false;
+  /** Whether the note on the card is about a frame that could not be decoded. */
+  #undecodable = false;
   #area = { width: 0, height: 0 };
-  /** Wishes to repeat on every new connection. @type {ViewSettings} */
-  #wishes = {};
   #fps = new Rate();
   #bytes = new Rate();
-  #latency = new InputToPhoton();
+  #link = new SessionLink({
+    onState: (state) => this.#onState(state),
+    onWelcome: (welcome, isNewScene) => this.#onWelcome(welcome, isNewScene),
+    onMessage: (message) => this.#onMessage(message),
+    onFrame: (frame) => this.frames.push(frame),
+  });
 
   constructor() {
     super();
@@ -69,7 +54,7 @@ export class SurfelcastView extends HTMLElement {
     root.append(template.content.cloneNode(true));
     /** @param {string} selector */
     const part = (selector) => /** @type {HTMLElement} */ (root.querySelector(selector));
-    /** The canvas on which the picture is drawn. */
+    /** The canvas on which frames are drawn. */
     this.canvas = /** @type {HTMLCanvasElement} */ (part('canvas'));
     this.direction = part('.direction');
     this.modeHint = part('.flying');
@@ -82,27 +67,27 @@ export class SurfelcastView extends HTMLElement {
       live: part('.live'),
     });
     this.presenter = new CanvasPresenter(this.canvas, {
-      shown: (picture) => this.#shown(picture),
+      shown: (frame) => this.#onShown(frame),
       dropped: () => this.frames.countDropped(),
     });
     this.frames = new FrameQueue({
       decode: (payload, type) => createImageBitmap(new Blob([payload], { type })),
-      acknowledge: (ack) => this.#acknowledge(ack),
-      present: (picture) => this.presenter.present(picture),
-      fail: (error) => this.#frameFailed(error),
+      acknowledge: (ack) => this.#link.acknowledge(ack),
+      present: (frame) => this.presenter.present(frame),
+      fail: (error) => this.#onUndecodable(error),
       now: () => performance.now(),
     });
     /** Camera of the view. */
     this.rig = new Rig({
-      send: (pose, phase) => this.#sendInput({ t: 'camera', view: VIEW, pose, phase }),
-      changed: (pose, resting) => this.#poseChanged(pose, resting),
+      send: (pose, phase) => this.#link.sendCamera(pose, phase),
+      changed: (pose, resting) => this.#onPose(pose, resting),
       reducedMotion: prefersReducedMotion,
     });
-    this.flight = new Flight(this.rig, (on) => this.#flyModeChanged(on));
+    this.flight = new Flight(this.rig, (on) => this.#onFlyMode(on));
     /** What a click means while `inspecting`. */
     this.inspectMode = new InspectMode({
-      send: ({ x, y }) => this.#ask('inspect', x, y),
-      changed: (mode) => this.#tell('inspecting', mode),
+      send: ({ x, y }) => this.#link.inspect(x, y),
+      changed: (mode) => this.#emit('inspecting', mode),
       mark: marking(part('.marker')),
     });
   }
@@ -118,30 +103,30 @@ export class SurfelcastView extends HTMLElement {
 
   /** The server's last welcome. */
   get welcome() {
-    return this.#welcome;
+    return this.#link.welcome;
   }
 
-  /** Whether the server listens at present. */
+  /** Whether the session receives messages now. */
   get isLive() {
-    return this.#connection?.isLive ?? false;
+    return this.#link.isLive;
   }
 
-  /** Exposure wished for, linear factor. */
+  /** Exposure, linear factor. */
   get exposure() {
-    return this.#wishes.exposure ?? 1;
+    return this.#link.settings.exposure ?? 1;
   }
 
-  /** Technique wished for; nothing means the server's default. */
+  /** Chosen technique; nothing means the server's default. */
   get technique() {
-    return this.#wishes.technique;
+    return this.#link.settings.technique;
   }
 
-  /** Output wished for instead of radiance. */
+  /** Chosen output; nothing means radiance. */
   get output() {
-    return this.#wishes.aov ?? undefined;
+    return this.#link.settings.aov ?? undefined;
   }
 
-  /** Whether a click asks what lights the point under it. */
+  /** Whether a click requests what lights the point under it. */
   get inspecting() {
     return this.hasAttribute('inspecting');
   }
@@ -154,15 +139,15 @@ export class SurfelcastView extends HTMLElement {
     this.#listening = new AbortController();
     const { signal } = this.#listening;
     const { rig, flight, inspectMode: inspect } = this;
-    new PointerControls(this.canvas, { rig, flight, tap: (x, y) => this.#tap(x, y), pick: (x, y) => this.#pick(x, y), signal });
+    new PointerControls(this.canvas, { rig, flight, tap: (x, y) => this.#onTap(x, y), pick: (x, y) => this.#onPick(x, y), signal });
     listenToKeyboard(this.canvas, { rig, flight, inspect, leaveInspect: () => this.removeAttribute('inspecting'), signal });
     this.#unwatchSize = watchSize(this, (area) => {
       this.#area = area;
       this.#sendSize();
     });
-    this.action.addEventListener('click', () => this.#act(), { signal });
-    document.addEventListener('visibilitychange', () => this.#visibilityChanged(), { signal });
-    document.addEventListener('pointerlockchange', () => this.#pointerLockChanged(), { signal });
+    this.action.addEventListener('click', () => this.#onAction(), { signal });
+    document.addEventListener('visibilitychange', () => this.#onVisibility(), { signal });
+    document.addEventListener('pointerlockchange', () => this.#onPointerLock(), { signal });
     window.addEventListener('online', () => this.retry(), { signal });
     void this.#open();
   }
@@ -196,12 +181,11 @@ export class SurfelcastView extends HTMLElement {
   }
 
   /**
-   * Changes wishes for the view; they are repeated on every reconnect.
+   * Changes settings of the view; they are repeated on every new connection.
    * @param {ViewSettings} settings
    */
   setView(settings) {
-    this.#wishes = { ...this.#wishes, ...settings };
-    this.#connection?.send({ t: 'view.set', view: VIEW, ...settings });
+    this.#link.set(settings);
   }
 
   /**
@@ -211,26 +195,26 @@ export class SurfelcastView extends HTMLElement {
    * @returns {number} the input's number, which the `frame` that contains it repeats as `inputSeq`
    */
   editLights(patch, phase) {
-    return this.#sendInput({ t: 'light', patch, phase });
+    return this.#link.editLights(patch, phase);
   }
 
   /**
-   * Asks which surfels light a point, while `inspecting`; `inspected` follows.
+   * Requests which surfels light a point, while `inspecting`; `inspected` follows.
    * @param {number} x 0 (left) to 1
    * @param {number} y 0 (top) to 1
    */
   inspect(x, y) {
-    this.inspectMode.ask({ x, y });
+    this.inspectMode.request({ x, y });
   }
 
-  /** Asks for a finished picture of the present state now. */
+  /** Requests a finished frame of the present state now. */
   requestStill() {
-    this.#connection?.send({ t: 'still', view: VIEW });
+    this.#link.requestStill();
   }
 
   /** Skips the rest of a wait for the server. */
   retry() {
-    this.#connection?.retryNow();
+    this.#link.retry();
   }
 
   /** Present rates and latencies, as measured here. */
@@ -239,17 +223,17 @@ export class SurfelcastView extends HTMLElement {
     return {
       framesPerSecond: this.#fps.perSecond(now),
       bytesPerSecond: this.#bytes.perSecond(now),
-      latency: this.#latency.percentiles(),
+      latency: this.#link.latency(),
     };
   }
 
   /**
-   * The picture on the canvas as PNG.
+   * The image on the canvas as PNG.
    * @returns {Promise<Blob>}
    */
   capture() {
     return new Promise((resolve, reject) => {
-      this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser could not encode the picture'))), 'image/png');
+      this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser could not encode the image'))), 'image/png');
     });
   }
 
@@ -264,99 +248,70 @@ export class SurfelcastView extends HTMLElement {
       return;
     }
     const codecs = await decodableCodecs();
-    // Another `src` may have come, or the element may have gone, while the codecs were tried.
-    if (src !== this.src || !this.isConnected || this.#connection) return;
-    this.#connection = new Connection({
-      url: src,
-      client: CLIENT,
-      caps: { codecs, dpr: Math.max(1, devicePixelRatio), reduced_motion: prefersReducedMotion() },
-      open: openWebSocket,
-      clock: browserClock,
-      handlers: {
-        onState: (state) => this.#stateChanged(state),
-        onMessage: (message) => this.#hear(message),
-        onFrame: (frame) => this.frames.push(frame),
-        onProblem: (error) => console.warn(`surfelcast: ${error.message}`),
-      },
-    });
-    this.#connection.start();
+    // `src` may have changed, or the element may have been removed, while the codecs were probed.
+    if (src !== this.src || !this.isConnected || this.#link.isOpen) return;
+    this.#link.open(src, { codecs, dpr: Math.max(1, devicePixelRatio), reduced_motion: prefersReducedMotion() });
   }
 
   #close() {
-    this.#connection?.stop();
-    this.#connection = undefined;
+    this.#link.close();
     this.frames.reset();
-    this.#latency.forgetWaiting();
     this.rig.abandon();
-    this.inspectMode.lost();
-  }
-
-  #act() {
-    const state = this.#connection?.state;
-    if (state?.kind === 'stopped' && state.last.kind === 'outdated') location.reload();
-    else this.retry();
+    this.inspectMode.onDisconnect();
   }
 
   /** @param {import('../connection/connection.js').ConnectionState} state */
-  #stateChanged(state) {
+  #onState(state) {
     if (state.kind !== 'live') {
       this.frames.reset();
-      this.#latency.forgetWaiting();
-      this.inspectMode.lost();
+      this.inspectMode.onDisconnect();
     }
     this.card.setState(state);
-    this.#tell('state', state);
+    this.#emit('state', state);
+  }
+
+  /**
+   * @param {import('../protocol/messages.js').Welcome} welcome
+   * @param {boolean} isNewScene
+   */
+  #onWelcome(welcome, isNewScene) {
+    this.card.setNote(undefined);
+    if (isNewScene) {
+      this.presenter.clear();
+      this.card.setHasImage(false);
+      this.rig.enterScene(welcome);
+    }
+    this.#link.describeView({ size: this.#imageSize(), paused: document.hidden, pose: this.rig.pose });
+    this.#emit('welcome', welcome);
   }
 
   /** @param {ServerMessage} message */
-  #hear(message) {
+  #onMessage(message) {
     switch (message.t) {
-      case 'welcome':
-        this.#greet(message);
-        break;
       case 'picked':
-        if (message.position && message.re === this.#pickId) this.rig.goTo(focus(this.rig.pose, message.position));
+        if (message.position && this.#link.isNewestPick(message)) this.rig.goTo(focus(this.rig.pose, message.position));
         break;
       case 'inspected':
-        if (this.inspectMode.answered(message.re) === 'newest') this.#tell('inspected', { inspection: message.inspection ?? null });
+        if (this.inspectMode.onAnswer(message.re) === 'newest') this.#emit('inspected', { inspection: message.inspection ?? null });
         break;
       case 'notice':
-        this.#notice(message);
+        this.#onNotice(message);
         break;
       case 'error': {
-        const question = this.inspectMode.answered(message.re);
-        if (question === 'newest') this.#tell('inspected', { refusal: message.detail });
-        else if (question === 'other') this.#tell('refused', message);
+        const request = this.inspectMode.onAnswer(message.re);
+        if (request === 'newest') this.#emit('inspected', { refusal: message.detail });
+        else if (request === 'other') this.#emit('refused', message);
         break;
       }
       case 'lights':
       case 'stats':
-        this.#tell(message.t, message);
+        this.#emit(message.t, message);
         break;
     }
   }
 
-  /** @param {import('../protocol/messages.js').Welcome} welcome */
-  #greet(welcome) {
-    this.#welcome = welcome;
-    this.card.setNote(undefined);
-    if (welcome.session.scene !== this.#scene) {
-      this.#scene = welcome.session.scene;
-      this.presenter.clear();
-      this.card.setHasPicture(false);
-      this.rig.enterScene(welcome);
-      this.#wishes.exposure = welcome.cameras[0]?.exposure ?? 1;
-      // What one server offers another may not.
-      if (!welcome.techniques.some(({ id }) => id === this.#wishes.technique)) delete this.#wishes.technique;
-      if (!welcome.outputs.some(({ id }) => id === this.#wishes.aov)) delete this.#wishes.aov;
-    }
-    this.#connection?.send({ t: 'view.set', view: VIEW, ...this.#size(), ...this.#wishes, paused: document.hidden });
-    this.#sendInput({ t: 'camera', view: VIEW, pose: this.rig.pose, phase: 'end' });
-    this.#tell('welcome', welcome);
-  }
-
   /** @param {import('../protocol/messages.js').Notice} notice */
-  #notice(notice) {
+  #onNotice(notice) {
     const titles = {
       draining: 'The render server is about to restart',
       device_lost: 'The graphics device failed; restoring it',
@@ -365,93 +320,66 @@ export class SurfelcastView extends HTMLElement {
     };
     const title = titles[notice.kind];
     if (title !== undefined) this.card.setNote(title ? { title, detail: notice.detail } : undefined);
-    this.#tell('notice', notice);
+    this.#emit('notice', notice);
   }
 
-  /** @param {import('./frame-queue.js').Picture} picture */
-  #shown({ header, bytes }) {
+  /** @param {import('./frame-queue.js').DecodedFrame} frame */
+  #onShown({ header, bytes }) {
     const now = performance.now();
     this.#fps.add(now, 1);
     this.#bytes.add(now, bytes);
-    this.#latency.presented(header.inputSeq, now);
-    this.card.setHasPicture(true);
-    if (this.#unreadable) {
-      this.#unreadable = false;
+    this.#link.presented(header.inputSeq, now);
+    this.card.setHasImage(true);
+    if (this.#undecodable) {
+      this.#undecodable = false;
       this.card.setNote(undefined);
     }
-    this.#tell('frame', header);
+    this.#emit('frame', header);
   }
 
   /** @param {Error} error */
-  #frameFailed(error) {
-    this.#unreadable = true;
-    this.card.setNote({ title: 'A picture could not be read', detail: error.message });
+  #onUndecodable(error) {
+    this.#undecodable = true;
+    this.card.setNote({ title: 'A frame could not be decoded', detail: error.message });
   }
 
-  /** @param {import('./frame-queue.js').Acknowledgement} ack */
-  #acknowledge({ seq, decodeUs, dropped, queue }) {
-    this.#connection?.send({ t: 'ack', view: VIEW, seq, decode_us: decodeUs, present_ms: performance.now(), dropped, queue });
-  }
-
-  /**
-   * Numbers and sends an input.
-   * @param {Omit<Extract<import('../protocol/messages.js').ClientMessage, { t: 'camera' }>, 'seq' | 'ts'> |
-   *   Omit<Extract<import('../protocol/messages.js').ClientMessage, { t: 'light' }>, 'seq' | 'ts'>} input
-   */
-  #sendInput(input) {
-    if (this.isLive) {
-      this.#inputSeq = next(this.#inputSeq);
-      const ts = performance.now();
-      this.#connection?.send({ ...input, seq: this.#inputSeq, ts });
-      this.#latency.sent(this.#inputSeq, ts);
-    }
-    return this.#inputSeq;
+  #onAction() {
+    const { state } = this.#link;
+    if (state.kind === 'stopped' && state.last.kind === 'outdated') location.reload();
+    else this.retry();
   }
 
   /**
    * @param {number} x CSS pixels in the canvas
    * @param {number} y CSS pixels in the canvas
    */
-  #pick(x, y) {
-    const { clientWidth, clientHeight } = this.canvas;
-    this.#pickId = this.#ask('pick', x / clientWidth, y / clientHeight) ?? 0;
+  #onPick(x, y) {
+    this.#link.pick(x / this.canvas.clientWidth, y / this.canvas.clientHeight);
   }
 
   /**
    * @param {number} x CSS pixels in the canvas
    * @param {number} y CSS pixels in the canvas
-   * @returns {boolean} whether the tap was for the inspector
+   * @returns {boolean} whether the inspector took the tap
    */
-  #tap(x, y) {
+  #onTap(x, y) {
     if (this.inspecting) this.inspect(x / this.canvas.clientWidth, y / this.canvas.clientHeight);
     return this.inspecting;
   }
 
-  /**
-   * Asks about a point of the picture.
-   * @param {'pick' | 'inspect'} t
-   * @param {number} x
-   * @param {number} y
-   * @returns {number | undefined} id of the request; nothing when nobody hears it
-   */
-  #ask(t, x, y) {
-    this.#requestId += 1;
-    return this.#connection?.send({ t, id: this.#requestId, view: VIEW, x, y }) ? this.#requestId : undefined;
-  }
-
-  #size() {
-    if (!this.#welcome || this.#area.width === 0) return undefined;
+  #imageSize() {
+    if (!this.welcome || this.#area.width === 0) return undefined;
     const factor = Math.min(1, Math.max(0.1, Number(this.getAttribute('resolution') ?? 1) || 1));
-    return pictureSize(this.#area, devicePixelRatio, factor, this.#welcome.limits);
+    return imageSize(this.#area, devicePixelRatio, factor, this.welcome.limits);
   }
 
   #sendSize() {
-    const size = this.#size();
-    if (size) this.#connection?.send({ t: 'view.set', view: VIEW, ...size });
+    const size = this.#imageSize();
+    if (size) this.#link.update(size);
   }
 
-  #visibilityChanged() {
-    this.#connection?.send({ t: 'view.set', view: VIEW, paused: document.hidden });
+  #onVisibility() {
+    this.#link.update({ paused: document.hidden });
     if (!document.hidden) this.retry();
   }
 
@@ -459,28 +387,28 @@ export class SurfelcastView extends HTMLElement {
    * @param {import('../protocol/messages.js').Pose} pose
    * @param {boolean} resting
    */
-  #poseChanged(pose, resting) {
-    this.inspectMode.moved();
+  #onPose(pose, resting) {
+    this.inspectMode.onCameraMove();
     if (resting) {
-      const text = `Rendered view of ${this.#welcome?.session.scene_name ?? 'the scene'}, seen from ${spokenDirection(pose)}`;
+      const text = `Rendered view of ${this.welcome?.session.scene_name ?? 'the scene'}, seen from ${spokenDirection(pose)}`;
       this.canvas.setAttribute('aria-label', text);
       this.direction.textContent = text;
     }
-    this.#tell('pose', { pose, resting });
+    this.#emit('pose', { pose, resting });
   }
 
   /** @param {boolean} on */
-  #flyModeChanged(on) {
+  #onFlyMode(on) {
     this.modeHint.hidden = !on;
     if (!on) {
       if (document.pointerLockElement === this || this.shadowRoot?.pointerLockElement) document.exitPointerLock();
       return;
     }
-    // Where the browser refuses, dragging looks around instead.
+    // If the browser refuses the lock, dragging turns the camera instead.
     Promise.resolve(this.canvas.requestPointerLock?.()).catch(() => undefined);
   }
 
-  #pointerLockChanged() {
+  #onPointerLock() {
     if (!document.pointerLockElement && this.flight.mode) this.flight.setMode(false);
   }
 
@@ -488,7 +416,7 @@ export class SurfelcastView extends HTMLElement {
    * @param {string} type
    * @param {unknown} detail
    */
-  #tell(type, detail) {
+  #emit(type, detail) {
     this.dispatchEvent(new CustomEvent(type, { detail }));
   }
 }

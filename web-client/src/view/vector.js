@@ -1,5 +1,5 @@
 /**
- * Three-component vectors as plain arrays, as they travel on the wire.
+ * Three-component vectors as plain arrays, the form of the protocol.
  */
 
 /** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
@@ -23,7 +23,7 @@ export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * 
 export const length = (a) => Math.hypot(a[0], a[1], a[2]);
 
 /**
- * Unit vector along `a`, or `fallback` where `a` has no direction.
+ * Unit vector along `a`, or `fallback` if `a` has no direction.
  * @param {Vec3} a
  * @param {Vec3} [fallback]
  * @returns {Vec3}

@@ -1,5 +1,5 @@
 /**
- * Markup and style inside the custom element. A constructed sheet, because the page's policy forbids inline style.
+ * Markup and style inside the custom element. A constructed sheet, because the content security policy of the page forbids inline style.
  */
 
 export const template = document.createElement('template');
@@ -8,7 +8,7 @@ template.innerHTML = `
   <p id="help" class="unseen">Arrow keys orbit, Shift and arrows pan, plus and minus move closer and away, Home returns to
     the first viewpoint, digits go to viewpoints, F flies with W A S D Q E.</p>
   <i class="marker" part="marker" hidden></i>
-  <div class="mode inspecting" part="mode">Inspecting: choose a point<span class="keys">, <kbd>Enter</kbd> the middle, <kbd>Esc</kbd> ends</span></div>
+  <div class="mode inspecting" part="mode">Inspecting: choose a point<span class="keys">, <kbd>Enter</kbd> the centre, <kbd>Esc</kbd> ends</span></div>
   <div class="mode flying" part="mode" hidden>Flying: <kbd>W</kbd><kbd>A</kbd><kbd>S</kbd><kbd>D</kbd> move, <kbd>Q</kbd><kbd>E</kbd> down and up, <kbd>F</kbd> ends</div>
   <div class="card" part="status" hidden>
     <div class="words"><strong></strong><span></span></div>

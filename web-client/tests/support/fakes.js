@@ -1,23 +1,23 @@
 /**
- * A clock and a wire that stand still until a test moves them.
+ * A clock and a socket that a test controls.
  */
 
 /** Timers and animation frames that run when time is advanced. */
 export class FakeClock {
   time = 0;
-  chance = 0.5;
+  randomValue = 0.5;
   #timers = new Map();
   #nextId = 1;
 
   now = () => this.time;
-  random = () => this.chance;
+  random = () => this.randomValue;
   setTimeout = (run, ms) => this.#add(run, this.time + ms);
   clearTimeout = (id) => void this.#timers.delete(id);
   /** Display of 60 Hz. */
   requestFrame = (run) => this.#add(run, (Math.floor(this.time / 16) + 1) * 16);
   cancelFrame = (id) => void this.#timers.delete(id);
 
-  /** Timers and frames that wait. */
+  /** Number of waiting timers and frames. */
   get waiting() {
     return this.#timers.size;
   }
@@ -41,8 +41,8 @@ export class FakeClock {
   }
 }
 
-/** Opens wires that a test speaks through. */
-export class FakeWire {
+/** Opens sockets whose peer is the test. */
+export class FakeTransport {
   /** @type {{ url: string, subprotocol: string, handlers: any, sent: any[], closed: boolean }[]} */
   opened = [];
 
