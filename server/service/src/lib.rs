@@ -28,6 +28,7 @@ mod jobs;
 mod lights;
 mod live;
 mod observe;
+mod outgoing;
 mod scene_store;
 mod sessions;
 mod state;

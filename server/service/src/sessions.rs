@@ -8,13 +8,14 @@ use parking_lot::Mutex;
 use surfelcast_protocol::server::ServerMessage;
 use surfelcast_protocol::settings::LightPatch;
 use surfelcast_renderer::scene::Scene;
-use surfelcast_renderer::{SessionKey, SessionLights};
-use tokio::sync::{broadcast, watch};
+use surfelcast_renderer::{SessionKey, ViewKey, ViewState};
+use tokio::sync::broadcast;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use crate::http::problem::ApiError;
 use crate::lights::LightSet;
+use crate::outgoing::Outgoing;
 use crate::scene_store::{SceneEntry, SceneMeta};
 use crate::state::ServiceState;
 use crate::validate::Checked;
@@ -56,8 +57,7 @@ pub(crate) struct Live {
     pub(crate) meta: SceneMeta,
     lights: Mutex<(LightSet, u32)>,
     events: broadcast::Sender<ServerMessage>,
-    push: watch::Sender<(SessionLights, u32)>,
-    applied: watch::Receiver<u32>,
+    outgoing: Outgoing,
     /// Cancelled when the session ends while it has members.
     pub(crate) ended: CancellationToken,
 }
@@ -84,17 +84,21 @@ impl Live {
         let mut lights = self.lights.lock();
         lights.0.apply(patch, max_lights)?;
         lights.1 += 1;
-        // Newest wins: the renderer needs only the last state. Sent under the lock, so that revisions arrive in order.
-        self.push.send_replace((lights.0.session_lights(), lights.1));
+        // Queued under the lock, so that revisions arrive in order.
+        self.outgoing.set_lights(lights.0.session_lights(), lights.1);
         let message = ServerMessage::Lights { scene_rev: lights.1, state: lights.0.state() };
         let _ = self.events.send(message);
         Ok(lights.1)
     }
 
-    /// Waits until the renderer was told of a revision, so that a view update sent next cannot overtake it.
-    pub(crate) async fn revision_applied(&self, revision: u32) {
-        let mut applied = self.applied.clone();
-        let _ = applied.wait_for(|applied| *applied >= revision).await;
+    /// Sends a view's state to the renderer, after the edits that were made before it.
+    pub(crate) fn update_view(&self, view: ViewKey, state: ViewState) {
+        self.outgoing.set_view(view, state);
+    }
+
+    /// Drops what is still to be sent of a view that is being closed.
+    pub(crate) fn remove_view(&self, view: ViewKey) {
+        self.outgoing.remove_view(view);
     }
 }
 
@@ -194,30 +198,17 @@ async fn open(
     let kept = kept.filter(|(at, _, _)| at.elapsed() < state.config().timeouts.resume);
     let is_edited = kept.is_some();
     let lights = kept.map_or_else(|| (LightSet::of_scene(&scene), 1), |(_, lights, revision)| (lights, revision));
-    let (push, mut pushed) = watch::channel((lights.0.session_lights(), lights.1));
-    let (applied_sender, applied) = watch::channel(if is_edited { 0 } else { lights.1 });
+    let outgoing = Outgoing::start(state.handle().clone(), key);
     if is_edited {
-        pushed.mark_changed();
+        outgoing.set_lights(lights.0.session_lights(), lights.1);
     }
-    let handle = state.handle().clone();
-    // Ends when the session's sender is gone.
-    drop(tokio::spawn(async move {
-        while pushed.changed().await.is_ok() {
-            let (lights, revision) = pushed.borrow_and_update().clone();
-            if handle.set_lights(key, lights, revision).await.is_err() {
-                break;
-            }
-            applied_sender.send_replace(revision);
-        }
-    }));
     Ok(Arc::new(Live {
         key,
         scene,
         meta: entry.meta.clone(),
         lights: Mutex::new(lights),
         events: broadcast::Sender::new(EVENT_CAPACITY),
-        push,
-        applied,
+        outgoing,
         ended: CancellationToken::new(),
     }))
 }

@@ -17,9 +17,9 @@ use surfelcast_protocol::close;
 use surfelcast_protocol::server::{NoticeKind, ServerMessage};
 use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::scene::Camera;
-use surfelcast_renderer::{DeviceState, Frame, FrameSlot, RendererStatus, ViewKey, ViewState};
+use surfelcast_renderer::{DeviceState, Frame, FrameSlot, RendererStatus, ViewKey};
 use surfelcast_stream::{AckWindow, QualityLoop, StillSchedule};
-use tokio::sync::{broadcast, mpsc, watch};
+use tokio::sync::{broadcast, mpsc};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
@@ -94,13 +94,10 @@ pub(crate) struct Connection {
     pub(crate) stills: StillSchedule,
     pub(crate) inbound: Inbound,
     pub(crate) outbound: Outbound,
-    /// Revision of this client's last light edit.
-    pub(crate) lights_revision: u32,
     pub(crate) device: DeviceState,
     began: Instant,
     view: ViewKey,
     slot: FrameSlot,
-    push: watch::Sender<(ViewState, u32)>,
     /// A frame was asked for and has not come.
     is_waiting_for_frame: bool,
     start_at: Duration,
@@ -149,12 +146,11 @@ impl Connection {
         let quality = QualityLoop::new(wishes.quality);
         let first = wishes.view_state(false, quality.scale(), quality.frames_per_sec(), 0);
         let slot = FrameSlot::default();
-        let opened = state.handle().open_view(member.live.key, first.clone(), slot.clone()).await;
+        let opened = state.handle().open_view(member.live.key, first, slot.clone()).await;
         let view = match opened {
             Ok(view) => view,
             Err(error) => return Err((outbox, Ending::of_renderer(error))),
         };
-        let push = push_task(&state, &member, view, first);
         let wishes = Arc::new(Mutex::new(wishes));
         let superseded = CancellationToken::new();
         state
@@ -164,7 +160,6 @@ impl Connection {
         let connection = Self {
             inbound: Inbound::new(&state.config().limits),
             outbound: Outbound::default(),
-            lights_revision: 0,
             device: status.state,
             began: Instant::now(),
             motion: Motion::default(),
@@ -182,7 +177,6 @@ impl Connection {
             quality,
             view,
             slot,
-            push,
             next_ping,
             token,
             superseded,
@@ -242,7 +236,7 @@ impl Connection {
         self.began.elapsed()
     }
 
-    /// Tells the renderer what the client wants now. Newest wins: the push is a slot of one.
+    /// Sends the view's state to the renderer.
     pub(crate) fn push_view(&self) {
         let wishes = self.wishes.lock();
         let state = wishes.view_state(
@@ -252,7 +246,7 @@ impl Connection {
             self.inbound.last_seq(),
         );
         drop(wishes);
-        self.push.send_replace((state, self.lights_revision));
+        self.member.live.update_view(self.view, state);
     }
 
     /// The client said how large its view is; the first frame need not wait any more.
@@ -428,6 +422,7 @@ impl Connection {
     /// Leaves: the token lives on for a while, the view does not.
     async fn finish(self, ending: Ending) -> (Outbox, Ending) {
         self.state.resume().left(&self.token);
+        self.member.live.remove_view(self.view);
         if let Err(error) = self.state.handle().close_view(self.view).await {
             tracing::debug!(%error, "view could not be closed");
         }
@@ -438,29 +433,6 @@ impl Connection {
     pub(crate) fn camera_of(&self, input_seq: u32) -> Camera {
         self.inbound.camera_of(input_seq).unwrap_or_else(|| self.wishes.lock().camera)
     }
-}
-
-/// Passes the newest state on to the renderer, after the lights it counts on. Ends with the connection.
-fn push_task(
-    state: &ServiceState,
-    member: &Member,
-    view: ViewKey,
-    first: ViewState,
-) -> watch::Sender<(ViewState, u32)> {
-    let (push, mut pushed) = watch::channel((first, 0));
-    let handle = state.handle().clone();
-    let live = Arc::clone(&member.live);
-    drop(tokio::spawn(async move {
-        while pushed.changed().await.is_ok() {
-            let revision = pushed.borrow().1;
-            live.revision_applied(revision).await;
-            let newest = pushed.borrow_and_update().0.clone();
-            if handle.update_view(view, newest).await.is_err() {
-                break;
-            }
-        }
-    }));
-    push
 }
 
 /// The newest few of something, oldest first.

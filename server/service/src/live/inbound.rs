@@ -205,7 +205,7 @@ impl Connection {
         if self.inbound.log.back().is_some_and(|last| !is_after(input.seq, last.seq)) {
             return Err(stale());
         }
-        self.lights_revision = self.member.live.edit_lights(&input.patch, max_lights).map_err(invalid)?;
+        self.member.live.edit_lights(&input.patch, max_lights).map_err(invalid)?;
         self.inbound.record(input.seq, now, camera);
         metrics::counter!("surfelcast_inputs_total", "kind" => "light").increment(1);
         self.moved();
