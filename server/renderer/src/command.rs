@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-use surfelcast_scene::{Camera, Scene};
+use surfelcast_scene::{Camera, Picked, Scene};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::error::RendererError;
@@ -23,15 +22,6 @@ pub struct ViewKey(pub u64);
 
 /// The receiving end of the command channel.
 pub type CommandReceiver = mpsc::Receiver<Command>;
-
-/// What lies under a pixel.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picked {
-    /// World position.
-    pub position: DVec3,
-    /// Node name.
-    pub object: String,
-}
 
 /// Answer channel of a command.
 pub type Reply<T> = oneshot::Sender<Result<T, RendererError>>;

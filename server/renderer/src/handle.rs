@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use surfelcast_scene::{Camera, Scene};
+use surfelcast_scene::{Camera, Picked, Scene};
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::command::{Command, CommandReceiver, Picked, SessionKey, ViewKey};
+use crate::command::{Command, CommandReceiver, SessionKey, ViewKey};
 use crate::error::RendererError;
 use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};

@@ -162,7 +162,7 @@ impl RunningView {
     }
 
     /// The device is gone.
-    pub(crate) fn drop_work(&mut self) {
+    pub(crate) fn forget_device(&mut self) {
         self.work = None;
         self.is_stale = true;
     }

@@ -20,6 +20,7 @@ pub mod lights;
 pub mod limits;
 mod load;
 pub mod material;
+mod pick;
 pub mod sample;
 pub mod summary;
 pub mod trace;
@@ -38,6 +39,7 @@ pub use lights::{EmissiveTriangle, PunctualKind, PunctualLight};
 pub use limits::SceneLimits;
 pub use load::{LoadOptions, load_bytes, load_file};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Wrap};
+pub use pick::Picked;
 pub use summary::SceneSummary;
 pub use view::{Instant, ViewFile};
 

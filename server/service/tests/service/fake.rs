@@ -212,8 +212,7 @@ impl Actor {
                 self.views.remove(&view);
             }
             Command::Pick { camera, reply, .. } => {
-                let picked =
-                    surfelcast_renderer::command::Picked { position: camera.position, object: "box".to_owned() };
+                let picked = surfelcast_renderer::scene::Picked { position: camera.position, object: "box".to_owned() };
                 let _ = reply.send(Ok(Some(picked)));
             }
             Command::Inspect { camera, size, point, reply, .. } => {

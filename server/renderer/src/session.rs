@@ -1,0 +1,79 @@
+//! A session: a scene with its edited lights, and what its views share on the device.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use surfelcast_gpu::Gpu;
+use surfelcast_scene::Scene;
+use surfelcast_techniques::{Change, LightBuffers, LightState, SceneBuffers, SessionState};
+
+use crate::error::RendererError;
+use crate::scenes::SceneStore;
+use crate::snapshots;
+
+/// One session of the actor.
+pub(crate) struct Session {
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) lights: LightState,
+    /// Revision of the lights, returned in frames.
+    pub(crate) scene_rev: u32,
+    /// Scene and light table on the device; made when first needed.
+    on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
+    /// What its views share.
+    pub(crate) shared: SessionState,
+}
+
+impl Session {
+    /// A session of a scene, with the surfels saved of it in `snapshots`.
+    pub(crate) fn new(scene: Arc<Scene>, snapshots: Option<&Path>) -> Self {
+        let lights = LightState::of_scene(&scene);
+        let shared = SessionState::default();
+        if let Some(folder) = snapshots {
+            snapshots::offer(folder, &scene, &lights, &shared);
+        }
+        Self { scene, lights, scene_rev: 0, on_device: None, shared }
+    }
+
+    /// Replaces the lights.
+    pub(crate) fn set_lights(&mut self, gpu: Option<&Gpu>, lights: LightState, scene_rev: u32) {
+        self.lights = lights;
+        self.scene_rev = scene_rev;
+        if let Some(gpu) = gpu
+            && let Some((_, buffers)) = &mut self.on_device
+            && let Ok(new) = LightBuffers::new(gpu, &self.scene, &self.lights)
+        {
+            *buffers = new;
+        } else {
+            self.on_device = None;
+        }
+        self.shared.invalidate(Change::Lights);
+    }
+
+    /// Scene and lights on the device, uploaded if need be.
+    pub(crate) fn on_device(
+        &mut self,
+        gpu: &Gpu,
+        store: &mut SceneStore,
+    ) -> Result<(&Arc<SceneBuffers>, &LightBuffers, &SessionState), RendererError> {
+        let (scene, lights) = match &mut self.on_device {
+            Some(on_device) => on_device,
+            none => {
+                let scene = store.get(gpu, &self.scene)?;
+                let lights = LightBuffers::new(gpu, &self.scene, &self.lights)?;
+                none.insert((scene, lights))
+            }
+        };
+        Ok((scene, lights, &self.shared))
+    }
+
+    /// The device is gone, and what was on it.
+    pub(crate) fn forget_device(&mut self) {
+        self.on_device = None;
+        self.shared = SessionState::default();
+    }
+
+    /// Keeps the session's surfels for the next time its scene is opened.
+    pub(crate) fn save(&self, gpu: &Gpu, snapshots: &Path) {
+        snapshots::save(snapshots, gpu, &self.scene, &self.lights, &self.shared);
+    }
+}
