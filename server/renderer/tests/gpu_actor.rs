@@ -287,7 +287,10 @@ async fn a_lost_device_comes_back_with_sessions_and_jobs() {
     let slot = FrameSlot::default();
     let view = renderer.open_view(session, view_state(&scene), slot.clone()).await.unwrap();
     let before = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final).await;
-    let running = renderer.render(job(&scene, 64)).unwrap();
+    let undisturbed = renderer.render(job(&scene, 64)).unwrap().result.await.unwrap().unwrap();
+    let mut running = renderer.render(job(&scene, 64)).unwrap();
+    let is_running = running.progress.wait_for(|progress| progress.is_running);
+    tokio::time::timeout(PATIENCE, is_running).await.unwrap().unwrap();
 
     renderer.lose_device().await.unwrap();
     let mut status = renderer.status();
@@ -297,12 +300,18 @@ async fn a_lost_device_comes_back_with_sessions_and_jobs() {
     assert_eq!(before.pixels, after.pixels, "the same view on the same device");
     let output = tokio::time::timeout(PATIENCE, running.result).await.unwrap().unwrap().unwrap();
     assert_eq!(output.samples, 64);
+    assert_eq!(output.pixels, undisturbed.pixels, "the job started over");
 
     // Three losses in five minutes: given up, and everyone is told.
     renderer.lose_device().await.unwrap();
     tokio::time::timeout(PATIENCE, status.wait_for(|s| s.epoch == 2)).await.unwrap().unwrap();
+    let mut endless = renderer.render(job(&scene, 1 << 20)).unwrap();
+    let has_samples = endless.progress.wait_for(|progress| progress.samples > 0);
+    tokio::time::timeout(PATIENCE, has_samples).await.unwrap().unwrap();
     renderer.lose_device().await.unwrap();
     tokio::time::timeout(PATIENCE, status.wait_for(|s| s.state == DeviceState::Failed)).await.unwrap().unwrap();
+    let answer = tokio::time::timeout(PATIENCE, endless.result).await.unwrap().unwrap();
+    assert_eq!(answer.map(|output| output.samples), Err(RendererError::DeviceLost), "it may be sent again");
     assert_eq!(tokio::time::timeout(PATIENCE, async { while slot.take().await.is_some() {} }).await, Ok(()));
     assert_eq!(renderer.open_session(scene).await, Err(RendererError::DeviceLost));
     renderer.close_view(view).await.unwrap();

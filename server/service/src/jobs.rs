@@ -22,8 +22,6 @@ use crate::http::render_request::ResolvedRender;
 use crate::state::ServiceState;
 use crate::text::random_id;
 
-/// Times a job is sent to the renderer when the device is lost under it.
-const ATTEMPTS: u32 = 2;
 /// A cancelled job must be given up within this time.
 const CANCEL_PATIENCE: Duration = Duration::from_secs(30);
 /// JPEG and WebP quality of renders.
@@ -49,7 +47,7 @@ pub(crate) struct Job {
     pub(crate) spec: RenderJob,
     key: String,
     state: watch::Sender<JobState>,
-    progress: Mutex<watch::Receiver<JobProgress>>,
+    progress: watch::Receiver<JobProgress>,
     cancel: CancellationToken,
     encoded: tokio::sync::Mutex<BTreeMap<Format, Bytes>>,
 }
@@ -60,7 +58,7 @@ impl Job {
     }
 
     pub(crate) fn progress(&self) -> JobProgress {
-        *self.progress.lock().borrow()
+        *self.progress.borrow()
     }
 
     /// Waits until the job is no longer active.
@@ -188,7 +186,7 @@ impl Jobs {
             spec: render.job,
             key: render.key,
             state: watch::Sender::new(JobState::Active),
-            progress: Mutex::new(ticket.progress.clone()),
+            progress: ticket.progress.clone(),
             cancel: CancellationToken::new(),
             encoded: tokio::sync::Mutex::default(),
         });
@@ -267,36 +265,24 @@ impl Table {
     }
 }
 
-/// Sees a job through: passes on a cancel, sends it once more when the device was lost, records the outcome.
+/// Sees a job through: passes on a cancel and records the outcome. A job whose device is lost is the renderer's to start over;
+/// if it answers that the device was lost, it has given the device up.
 async fn drive(state: ServiceState, job: Arc<Job>, mut ticket: surfelcast_renderer::handle::JobTicket) {
     let began = Instant::now();
-    let mut attempt = 1;
-    let outcome = loop {
-        let result = tokio::select! {
-            result = &mut ticket.result => Some(result),
-            () = job.cancel.cancelled() => {
-                let _ = ticket.cancel.send(true);
-                tokio::time::timeout(CANCEL_PATIENCE, &mut ticket.result).await.ok()
-            }
-            () = state.ended().cancelled() => None,
-        };
-        match result {
-            _ if job.cancel.is_cancelled() => break JobState::Canceled,
-            Some(Ok(Ok(output))) => break JobState::Succeeded(Arc::new(output)),
-            Some(Ok(Err(RendererError::DeviceLost))) if attempt < ATTEMPTS => {
-                attempt += 1;
-                match state.handle().render(job.spec.clone()) {
-                    Ok(again) => {
-                        *job.progress.lock() = again.progress.clone();
-                        ticket = again;
-                    }
-                    Err(error) => break JobState::Failed(error.into()),
-                }
-            }
-            Some(Ok(Err(RendererError::Canceled))) | None => break JobState::Canceled,
-            Some(Ok(Err(error))) => break JobState::Failed(error.into()),
-            Some(Err(_)) => break JobState::Failed(RendererError::Stopped.into()),
+    let result = tokio::select! {
+        result = &mut ticket.result => Some(result),
+        () = job.cancel.cancelled() => {
+            let _ = ticket.cancel.send(true);
+            tokio::time::timeout(CANCEL_PATIENCE, &mut ticket.result).await.ok()
         }
+        () = state.ended().cancelled() => None,
+    };
+    let outcome = match result {
+        _ if job.cancel.is_cancelled() => JobState::Canceled,
+        Some(Ok(Ok(output))) => JobState::Succeeded(Arc::new(output)),
+        Some(Ok(Err(RendererError::Canceled))) | None => JobState::Canceled,
+        Some(Ok(Err(error))) => JobState::Failed(error.into()),
+        Some(Err(_)) => JobState::Failed(RendererError::Stopped.into()),
     };
     let label = match &outcome {
         JobState::Succeeded(output) => {
