@@ -73,13 +73,13 @@ pub(crate) struct Admitted<J> {
     pub(crate) job: J,
     /// Device time used, seconds.
     pub(crate) used_secs: f64,
-    admitted_at: Instant,
+    since: Instant,
 }
 
 impl<J> Admitted<J> {
     /// What the choice of the next worker needs to know, given whether a step would not have to wait for a compiler.
     pub(crate) fn load(&self, is_compiled: bool, now: Instant) -> JobLoad {
-        let is_ready = is_compiled || now.duration_since(self.admitted_at) > MAX_COMPILE_WAIT;
+        let is_ready = is_compiled || now.duration_since(self.since) > MAX_COMPILE_WAIT;
         JobLoad { used_secs: self.used_secs, is_ready }
     }
 }
@@ -113,7 +113,7 @@ impl<J> JobQueue<J> {
             return None;
         }
         let job = self.waiting.pop_front()?;
-        self.admitted.push(Admitted { job, used_secs, admitted_at: now });
+        self.admitted.push(Admitted { job, used_secs, since: now });
         self.admitted.last().map(|admitted| &admitted.job)
     }
 
