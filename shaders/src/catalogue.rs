@@ -61,7 +61,7 @@ fn catalogue() -> &'static Catalogue {
     })
 }
 
-/// Shader files of a folder on disk, in place of the embedded ones: who writes kernels need not compile the server again.
+/// Shader files of a folder on disk, in place of the embedded ones, so that an edit of a kernel needs no compilation.
 fn files_in(root: &Path) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut folders = vec![root.join("lib"), root.join("techniques")];

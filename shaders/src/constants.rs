@@ -1,4 +1,4 @@
-//! Numbers that Rust and shaders must agree on. Written here once; shaders import them from `package::constants`.
+//! Constants of host and shaders, which import them from `package::constants`.
 
 /// A value as WGSL text.
 trait WgslLiteral {
@@ -45,7 +45,7 @@ macro_rules! shader_constants {
 shader_constants! {
     /// Invocations of a workgroup of a one-dimensional kernel.
     WORKGROUP_SIZE: u32 = 64;
-    /// Slots that workgroups spread their counting over.
+    /// Slots of counters, over which workgroups are spread.
     COUNTER_SLOTS: u32 = 256;
     /// Counters of a slot: primary, secondary and shadow rays, and samples that were not finite.
     COUNTERS_PER_SLOT: u32 = 4;
@@ -53,50 +53,52 @@ shader_constants! {
     SCAN_LANES: u32 = 256;
     /// Values that one such workgroup sums.
     SCAN_BLOCK: u32 = 4096;
-    /// Rays after which a surfel counts fully in a gather.
+    /// Rays from which on a surfel has full weight in a lookup.
     SURFEL_FULL_TRUST: f32 = 16.0;
-    /// Side, in pixels, of the tiles that get a surfel each in a round of spawning.
+    /// Side, in pixels, of the tiles that spawn one surfel each per round.
     SPAWN_TILE: u32 = 8;
-    /// The same where surfels are small among the pixels.
+    /// The same if surfels are small in pixels.
     SPAWN_FINE_TILE: u32 = 4;
-    /// Radius of coarse surfels, in ideal ones.
+    /// Radius of coarse surfels, in target radii.
     SURFEL_COARSENESS: f32 = 3.0;
     /// Words of a surfel's directional tables: 8x8 guiding bytes, then 4x4 depth moments.
     SURFEL_TILE_WORDS: u32 = 32;
-    /// Candidates that ray hits may put up in one update of the surfel cache.
+    /// Most spawn candidates from ray hits in one update of the surfel cache.
     SURFEL_HIT_CANDIDATES: u32 = 4096;
-    /// Slots in which those compete.
+    /// Slots in which they compete.
     SURFEL_CLAIM_SLOTS: u32 = 16384;
-    /// Side, in pixels, of the tiles over which a settling picture is compared with a path-traced one.
+    /// Side, in pixels, of the tiles over which the settling pass compares the image from the cache with the
+    /// path-traced one.
     SETTLE_TILE: u32 = 8;
     /// Bins of rays: 12 bits of place, 4 of direction.
     SURFEL_RAY_BINS: u32 = 65536;
     /// Octaves of distance, from half the edge of its cube on, that the trapezoidal grid's slices span.
     SURFEL_GRID_OCTAVES: f32 = 5.0;
-    /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths beyond
-    /// 2 pi / 0.2 = 31 pixels are left to the values (Kettunen et al. 2015, section 6).
+    /// Weight of a pixel's value against a difference on a smooth surface in `gradient`'s reconstruction: wavelengths
+    /// beyond 2 pi / 0.2 = 31 pixels follow the values (Kettunen et al. 2015, section 6).
     GRADIENT_SCREEN: f32 = 0.04;
-    /// Weight of B against a difference of its neighbour's in reconstruction in the image: as in `gradient`.
+    /// Weight of the irradiance against a difference to a neighbouring pixel in image-space reconstruction: as in
+    /// `gradient`.
     IMAGE_SCREEN: f32 = 0.04;
-    /// Schemes of reconstruction in the image, each a step nearer to Noack 2022: differences by normalised weights, none
-    /// across folds and steps, each weighed by how far it is to be believed;
+    /// Schemes of image-space reconstruction, each a step closer to Noack 2022: differences by normalised weights, none
+    /// across folds and steps, each weighted by its reliability;
     IMAGE_WEIGHED: u32 = 0;
-    /// all alike;
+    /// with equal weights;
     IMAGE_MASKED: u32 = 1;
     /// across folds and steps too;
     IMAGE_UNMASKED: u32 = 2;
     /// the slopes of all overlapping surfels added up instead;
     IMAGE_SUMMED: u32 = 3;
-    /// and next to no weight on values.
+    /// and almost no weight on values.
     IMAGE_UNSCREENED: u32 = 4;
-    /// Frames of direct light that a moving picture takes over from the one before, at most.
+    /// Most frames of direct light that a moving view reuses.
     REUSED_FRAMES: u32 = 16;
-    /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits below `REUSE_TURN_MASK`
-    /// count the camera moves since the light changed.
+    /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits of `REUSE_TURN_MASK`
+    /// count the camera moves since the last lighting change.
     KEEPS_DIFFUSE_LIGHT: u32 = 0x8000_0000;
     /// See `KEEPS_DIFFUSE_LIGHT`.
     REUSE_TURN_MASK: u32 = 0xffff;
-    /// In the selector of a reusing pass: there is a frame before this one.
+    /// In the selector of a reuse pass: there is an earlier frame.
     HAS_EARLIER_FRAME: u32 = 1;
 }
 

@@ -1,7 +1,7 @@
 //! Structures that cross from the host to shaders, and the check that both sides agree on them.
 //!
 //! Declare them with [`gpu_structs!`](crate::gpu_structs). A WGSL structure of the same name must then have the same
-//! members at the same offsets; Rust fields whose names start with `padding` fill the gaps WGSL leaves by itself.
+//! members at the same offsets; Rust fields whose names start with `padding` fill the gaps of the WGSL layout.
 
 use std::fmt::Write as _;
 
@@ -31,7 +31,7 @@ pub struct HostField {
 
 /// A type that means the same bytes in WGSL.
 pub trait WgslType {
-    /// The spellings that fit, as [`Reflection`] writes them.
+    /// The matching type names, as [`Reflection`] writes them.
     fn wgsl_types() -> Vec<String>;
 }
 

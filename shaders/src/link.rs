@@ -17,7 +17,7 @@ pub enum LinkError {
     /// No file of that name.
     #[error("no kernel is called `{kernel}`; there are: {known}")]
     UnknownKernel {
-        /// Asked for.
+        /// Requested name.
         kernel: String,
         /// All names.
         known: String,
@@ -60,7 +60,7 @@ pub struct LinkedKernel {
 }
 
 /// Links `kernel` with `features`. Reports unknown names, syntax and type errors with their file; full validation is
-/// [`validate`]'s, and the driver's again when the pipeline is made.
+/// left to [`validate`], and to the driver when the pipeline is created.
 pub fn link(kernel: &str, features: Features) -> Result<LinkedKernel, LinkError> {
     let kernels = catalogue::kernels();
     let Some(info) = kernels.iter().find(|info| info.name == kernel) else {
@@ -83,7 +83,7 @@ fn link_root(info: &KernelInfo, text: Option<&str>, features: Features) -> Resul
     let mut compiler = Wesl::new_barebones().set_custom_resolver(resolver);
     let on = features.conditions().map(|condition| (condition, Condition::Enable));
     let off = features.complement().conditions().map(|condition| (condition, Condition::Disable));
-    // An unknown condition is a typing error, never a switch that is off.
+    // An unknown condition is a typing error, not a switch that is off.
     let features_of_wesl = Conditions { default: Condition::Error, flags: on.chain(off).collect() };
     compiler.set_options(CompileOptions { features: features_of_wesl, ..CompileOptions::default() });
     compiler.use_sourcemap(true);
@@ -106,7 +106,7 @@ fn link_root(info: &KernelInfo, text: Option<&str>, features: Features) -> Resul
     Ok(LinkedKernel { name: kernel, wgsl, reflection, hash })
 }
 
-/// Runs naga's whole validator over a linked kernel with `capabilities`.
+/// Runs naga's full validator over a linked kernel with `capabilities`.
 pub fn validate(
     linked: &LinkedKernel,
     features: Features,
@@ -137,7 +137,7 @@ pub fn validate(
     }
 }
 
-/// Finds the declaration around `offset` of the linked text and names its file and line.
+/// The file and line of the declaration around `offset` of the linked text.
 fn origin_of(wgsl: &str, offset: Option<usize>, root: &KernelInfo, root_text: Option<&str>) -> String {
     let before = offset.and_then(|offset| wgsl.get(..offset)).unwrap_or("");
     let line = wgsl.get(before.rfind('\n').map_or(0, |at| at + 1)..).and_then(|rest| rest.lines().next());
@@ -179,7 +179,7 @@ fn module_path(path: &str) -> ModulePath {
     ModulePath::new(PathOrigin::Absolute, path.split("::").map(str::to_owned).collect())
 }
 
-/// Where modules come from: the embedded files, the constants, and perhaps a root given as text.
+/// Sources of modules: the embedded files, the constants, and an optional root given as text.
 struct Sources<'a> {
     root: Option<(&'a KernelInfo, &'a str)>,
     constants: String,

@@ -1,4 +1,4 @@
-//! What a linked kernel binds and how its structures lie in memory, read from naga's module.
+//! Bindings and memory layouts of a linked kernel, read from naga's module.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use naga::{AddressSpace, ArraySize, EntryPoint, Module, ShaderStage, StorageAcce
 
 use crate::mangle::unmangle;
 
-/// What a kernel may do with a buffer.
+/// Access of a kernel to a binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// `var<uniform>`.
@@ -15,12 +15,12 @@ pub enum Access {
     StorageRead,
     /// `var<storage, read_write>`.
     StorageReadWrite,
-    /// `texture_2d<f32>`, read texel by texel: what a raster kernel drew.
+    /// `texture_2d<f32>`, read texel by texel: a target of a raster kernel.
     Texture,
 }
 
 impl Access {
-    /// Whether it takes one of the few places for storage buffers.
+    /// Whether it counts against the limit on storage buffers.
     pub const fn is_storage(self) -> bool {
         matches!(self, Access::StorageRead | Access::StorageReadWrite)
     }
@@ -39,20 +39,20 @@ pub struct Binding {
     pub access: Access,
     /// Least size in bytes; an array without a length counts as one element.
     pub min_size: u32,
-    /// Bytes from element to element, where the binding is or ends in an array.
+    /// Bytes from element to element, if the binding is or ends in an array.
     pub array_stride: Option<u32>,
     /// Type, such as `array<Node>`.
     pub type_name: String,
 }
 
-/// How a structure lies in memory.
+/// Memory layout of a structure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StructLayout {
     /// Bytes, rounded up to the alignment.
     pub size: u32,
     /// Bytes.
     pub align: u32,
-    /// In order.
+    /// In order of declaration.
     pub members: Vec<MemberLayout>,
 }
 
@@ -67,7 +67,7 @@ pub struct MemberLayout {
     pub type_name: String,
 }
 
-/// What there is to know of a linked kernel.
+/// Entry point, bindings and structures of a linked kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reflection {
     /// Name of the kernel: of the entry point of a compute kernel; a raster kernel has two, see [`VERTEX_SUFFIX`].
@@ -82,7 +82,7 @@ pub struct Reflection {
     pub structs: BTreeMap<String, StructLayout>,
 }
 
-/// Reads `module`; the answer to a module that breaks a rule of ours is a sentence.
+/// Reads `module`; the error is a sentence about a broken rule of this project.
 pub(crate) fn reflect(module: &Module, kernel: &str) -> Result<Reflection, String> {
     let target_count = stages(module, kernel)?;
     let mut layouter = naga::proc::Layouter::default();
@@ -155,7 +155,7 @@ pub(crate) fn reflect(module: &Module, kernel: &str) -> Result<Reflection, Strin
     Ok(Reflection { entry_point: kernel.to_owned(), workgroup_size, target_count, bindings, structs })
 }
 
-/// What the entry points of a raster kernel are called behind the kernel's name.
+/// Suffixes of the names of the entry points of a raster kernel.
 pub const VERTEX_SUFFIX: &str = "_vertex";
 /// See [`VERTEX_SUFFIX`].
 pub const FRAGMENT_SUFFIX: &str = "_fragment";

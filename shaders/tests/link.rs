@@ -1,5 +1,5 @@
-//! Linking: imports, conditions, constants, reflection and messages, on small kernels of the test's own; then every
-//! kernel of the project in every checked variant.
+//! Linking: imports, conditions, constants, reflection and messages, on small kernels of the test; then every kernel
+//! of the project in every checked variant.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! House rules for shader text. Each has a reason; what naga checks already is not repeated.
+//! House rules for shader text beyond the checks of naga.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ fn offences(rule: impl Fn(&Module, &str) -> bool) -> Vec<String> {
     found.collect()
 }
 
-/// Whether `word` stands in `line` on its own.
+/// Whether `line` contains `word` as a whole word.
 fn has_call(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
@@ -36,13 +36,13 @@ fn the_word_search_knows_names_from_parts_of_names() {
 fn files_stay_readable() {
     for module in modules() {
         assert!(module.text.lines().count() <= 300, "{} is longer than 300 lines", module.file);
-        assert!(module.text.starts_with("//"), "{} does not open by saying what it is for", module.file);
+        assert!(module.text.starts_with("//"), "{} does not begin with a comment on its purpose", module.file);
         let wide = module.text.lines().position(|line| line.chars().count() > 200);
         assert!(wide.is_none(), "{}:{} is wider than 200 characters", module.file, wide.unwrap_or(0) + 1);
     }
 }
 
-/// `normalize` of a zero vector is NaN, which then spreads through every average it meets.
+/// `normalize` of a zero vector is NaN, which makes every mean NaN that it is added to.
 #[test]
 fn vectors_are_normalized_with_a_fallback() {
     assert_eq!(offences(|_, line| has_call(line, "normalize")), [""; 0], "use `normalize_or` of lib/core/math");
@@ -54,13 +54,13 @@ fn names_have_no_double_underscore() {
     assert_eq!(offences(|_, line| line.contains("__")), [""; 0]);
 }
 
-/// Numbers drawn in the order of execution differ from device to device.
+/// Random numbers that depend on the order of execution differ between devices.
 #[test]
 fn nothing_counts_on_the_order_of_threads() {
     assert_eq!(offences(|_, line| has_call(line, "atomicAdd") && line.contains("let ")), [""; 0], "scan instead");
 }
 
-/// A library file that imported a technique would tie all techniques to it; `core` stands below everything.
+/// A library file that imports a technique would couple all techniques to it; `core` is below everything.
 #[test]
 fn imports_point_one_way() {
     let offences = offences(|module, line| {

@@ -1,5 +1,5 @@
-//! The CPU twins against closed forms: densities integrate to what is drawn, values are reciprocal, nothing gives back
-//! more than it got. Kernels are then held to the twins on a device.
+//! The CPU twins against closed forms: densities integrate to one and match the samples, values are reciprocal, energy
+//! is conserved. Kernels are compared with the twins on a device.
 
 use std::f32::consts::PI;
 
@@ -24,7 +24,7 @@ use surfelcast_shaders::twin::scene::environment::{
 };
 use surfelcast_shaders::twin::scene::lights::{spot_falloff, triangle_pdf_solid_angle};
 
-/// Integral over the sphere by the midpoint rule in (theta, phi): finest where lobes around the pole are.
+/// Integral over the sphere by the midpoint rule in (theta, phi): finest around the pole, where the lobes are.
 fn integrate(rows: u32, integrand: impl Fn(Vec3) -> f64) -> f64 {
     let columns = rows;
     let (dtheta, dphi) = (std::f64::consts::PI / f64::from(rows), 2.0 * std::f64::consts::PI / f64::from(columns));
@@ -192,7 +192,7 @@ fn reflection_is_reciprocal() {
     for (metallic, roughness) in materials() {
         for u in points(12) {
             let (wo, wi) = (direction(u.x.max(0.05), 0.3), direction(u.y.max(0.05), u.z * 6.0));
-            // The lobes' choice depends on the viewer, their values do not.
+            // The choice of lobe depends on wo, their values do not.
             let lobes = white(metallic, roughness, 0.5);
             let there = evaluate_metallic_roughness(&lobes, wo, wi).value / wi.z;
             let back = evaluate_metallic_roughness(&lobes, wi, wo).value / wo.z;
@@ -209,13 +209,13 @@ fn white_materials_reflect_no_more_than_they_get_and_smooth_ones_all() {
         for (metallic, roughness) in materials() {
             let lobes = white(metallic, roughness, cos_o);
             let albedo = integrate(400, |wi| f64::from(evaluate_metallic_roughness(&lobes, wo, wi).value.y));
-            // The formula of glTF is not bounded by one where both lobes are white: it takes from the diffuse light what
-            // the microfacet between the directions reflects, not what the coat reflects in all, which at grazing angles
-            // is more. It can exceed one by no more than the coat's own reflectance.
+            // In glTF the albedo may exceed one if both lobes are white: the diffuse lobe is reduced by the reflectance
+            // of the microfacet between the directions, not by that of the whole coat, which is larger at grazing
+            // angles. The excess is bounded by the reflectance of the coat.
             let gain = if metallic == 1.0 { 0.003 } else { f64::from(fresnel_schlick(lobes.f0, cos_o).x) };
             assert!(albedo <= 1.0 + gain, "{metallic} {roughness} {cos_o}: {albedo}");
         }
-        // A mirror-like white metal loses nothing to single scattering; its lobe is too thin to integrate by grid.
+        // A mirror-like white metal loses no energy to single scattering; its lobe is too thin to integrate on a grid.
         let mirror = white(1.0, 0.05, cos_o);
         let mut mean = 0.0;
         for u in points(100) {
@@ -235,7 +235,7 @@ fn fresnel_has_its_known_values() {
     near("grazing", f64::from(fresnel_dielectric(1e-4, 1.5)), 1.0, 1e-2);
     assert_eq!(fresnel_dielectric(0.2, 1.0 / 1.5), 1.0, "total reflection");
     near("no boundary", f64::from(fresnel_dielectric(0.3, 1.0)), 0.0, 1e-6);
-    // Both sides of a boundary reflect the same share along the same path.
+    // Both sides of a boundary have the same reflectance along the same path.
     for cos_o in COSINES {
         let cos_t = (1.0 - (1.0 - cos_o * cos_o) / 2.25_f32).sqrt();
         near(

@@ -1,4 +1,4 @@
-//! What the scene and a frame look like in device memory. Field docs are with the WESL structures of the same names.
+//! Device layout of the scene and of a frame. Fields are documented in full in the WESL structures of the same names.
 
 pub mod passes;
 pub mod scene;

@@ -1,9 +1,9 @@
-//! Uniforms of a frame and of passes over pictures.
+//! Uniforms of a frame and of passes over images.
 
 crate::gpu_structs! {
     /// Uniforms of a path kernel's dispatch, 144 bytes.
     pub struct FrameUniforms {
-        /// Eye, scene space.
+        /// Scene space.
         pub camera_origin: [f32; 3],
         /// Pixels in a row.
         pub width: u32,
@@ -49,11 +49,11 @@ crate::gpu_structs! {
         pub selector: u32,
     }
 
-    /// Uniforms of the audit's passes over the picture, 16 bytes.
+    /// Uniforms of the audit's passes over the image, 16 bytes.
     pub struct AuditUniforms {
         /// Pixels.
         pub pixel_count: u32,
-        /// Samples a pixel.
+        /// Samples per pixel.
         pub samples: f32,
         /// Linear factor.
         pub exposure: f32,
@@ -61,17 +61,17 @@ crate::gpu_structs! {
         pub padding: u32,
     }
 
-    /// Uniforms of the passes that weigh a picture from the cache and a path-traced one, 32 bytes.
+    /// Uniforms of the settling passes, which blend the image from the cache with the path-traced one, 32 bytes.
     pub struct SettleUniforms {
         /// Pixels in a row.
         pub width: u32,
         /// Rows.
         pub height: u32,
-        /// Path-traced samples a pixel.
+        /// Path-traced samples per pixel.
         pub path_samples: f32,
-        /// Samples a pixel that the combined picture is said to have.
+        /// Samples per pixel that the blended image is reported with.
         pub shown_samples: f32,
-        /// Factor on the paths' noise.
+        /// Factor on the noise of the path-traced image.
         pub caution: f32,
         /// Linear factor.
         pub exposure: f32,
@@ -83,13 +83,13 @@ crate::gpu_structs! {
 
     /// Uniforms of the passes that filter direct light over neighbouring pixels, 16 bytes.
     pub struct FilterUniforms {
-        /// Samples behind the earlier mean that noise is told by; 0 for none.
+        /// Samples of the earlier mean that noise is estimated from; 0 for none.
         pub earlier_samples: f32,
-        /// Whether the mean of now is kept to compare later ones with.
+        /// Whether the present mean is kept for later comparison.
         pub is_kept: u32,
-        /// Whether light of the frame before is in what is shown.
+        /// Whether reused light is part of the shown image.
         pub has_reused: u32,
-        /// Share of the filter's result that is taken.
+        /// Weight of the filtered result.
         pub strength: f32,
     }
 
@@ -111,13 +111,13 @@ crate::gpu_structs! {
         pub width: u32,
         /// Rows.
         pub height: u32,
-        /// What the kernel is asked for.
+        /// Operation of the kernel.
         pub selector: u32,
-        /// A number that goes with it.
+        /// Parameter of the operation.
         pub factor: f32,
     }
 
-    /// Uniforms of `gradient`'s passes between tracing and the picture, 16 bytes.
+    /// Uniforms of `gradient`'s passes between tracing and the image, 16 bytes.
     pub struct GradientUniforms {
         /// Pixels in a row.
         pub width: u32,

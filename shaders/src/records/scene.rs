@@ -11,7 +11,7 @@ crate::gpu_structs! {
         pub child_base: u32,
         /// First primitive.
         pub primitive_base: u32,
-        /// One byte a child.
+        /// One byte per child.
         pub child_meta: [u32; 2],
         /// Quantised x planes.
         pub planes_x: [u32; 4],
@@ -71,7 +71,7 @@ crate::gpu_structs! {
         pub flags_and_node: u32,
     }
 
-    /// Placed hierarchy, 112 bytes.
+    /// Instance of a hierarchy, 112 bytes.
     pub struct InstanceRecord {
         /// Rows of the map from object to scene space.
         pub scene_from_object: [[f32; 4]; 3],
@@ -81,7 +81,7 @@ crate::gpu_structs! {
         pub root_node: u32,
         /// Node of the file.
         pub node: u32,
-        /// 1 where the map mirrors.
+        /// 1 if the map mirrors.
         pub is_mirrored: u32,
         /// Unused.
         pub padding: u32,
@@ -171,9 +171,9 @@ crate::gpu_structs! {
         pub range: f32,
         /// W/sr or W/m^2.
         pub intensity: [f32; 3],
-        /// Spot falloff.
+        /// Scale of the cosine of a spot.
         pub cone_scale: f32,
-        /// Spot falloff.
+        /// Offset of the cosine of a spot.
         pub cone_offset: f32,
         /// Unused.
         pub padding0: u32,
@@ -185,9 +185,9 @@ crate::gpu_structs! {
 
     /// Alias table entry, 16 bytes.
     pub struct AliasEntry {
-        /// Share of this bucket that is its own index.
+        /// Share of this bucket that yields its own index.
         pub threshold: f32,
-        /// Index of the rest.
+        /// Index that the rest of the bucket yields.
         pub alias_index: u32,
         /// Probability of this index.
         pub probability: f32,
@@ -208,13 +208,13 @@ pub mod geometry_flags {
 
 /// Bits of [`MaterialRecord::flags`].
 pub mod material_flags {
-    /// Shows its base colour and is not lit.
+    /// Unlit: shows its base colour.
     pub const UNLIT: u32 = 1;
-    /// Transmission leads into a volume.
+    /// Transmission enters a volume.
     pub const VOLUME: u32 = 2;
     /// MASK or BLEND.
     pub const ALPHA: u32 = 4;
-    /// Emits.
+    /// Emissive.
     pub const EMISSIVE: u32 = 8;
 }
 

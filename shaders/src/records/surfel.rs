@@ -1,7 +1,7 @@
 //! The surfel cache.
 
 crate::gpu_structs! {
-    /// Where a surfel lies, 48 bytes.
+    /// Geometry of a surfel, 48 bytes.
     pub struct SurfelRecord {
         /// Scene space.
         pub position: [f32; 3],
@@ -9,7 +9,7 @@ crate::gpu_structs! {
         pub radius: f32,
         /// Octahedral normal.
         pub normal: u32,
-        /// Birth number.
+        /// Serial number.
         pub serial: u32,
         /// Triangle in leaf order.
         pub bvh_triangle: u32,
@@ -19,19 +19,19 @@ crate::gpu_structs! {
         pub barycentrics: [f32; 2],
         /// Grid level.
         pub level: u32,
-        /// Whether a candidate is one.
+        /// Whether a spawn candidate is set.
         pub is_set: u32,
     }
 
-    /// What a surfel has measured, 64 bytes.
+    /// Measured irradiance of a surfel, 64 bytes.
     pub struct SurfelLight {
-        /// B of light that has bounced at least once.
+        /// Irradiance over pi of light that has bounced at least once.
         pub indirect: [f32; 3],
         /// Rays in the means.
         pub ray_count: f32,
-        /// B of sky and emission found directly.
+        /// Irradiance over pi of sky and emission.
         pub direct: [f32; 3],
-        /// Variance of one ray's luminance.
+        /// Variance of the luminance of one ray.
         pub variance: f32,
         /// Luminance over a short window.
         pub short_mean: f32,
@@ -45,35 +45,35 @@ crate::gpu_structs! {
         pub short_variance: f32,
         /// Factor on blending.
         pub blend_ratio: f32,
-        /// Rays ever shot.
+        /// Rays traced in all.
         pub shots: u32,
-        /// Rays since the light last changed.
+        /// Rays since the last lighting change.
         pub fresh_rays: f32,
     }
 
-    /// What a gather reads of a surfel, 48 bytes.
+    /// Irradiance of a surfel as lookups read it, 48 bytes.
     pub struct SurfelOutput {
-        /// B of light that has bounced at least once.
+        /// Irradiance over pi of light that has bounced at least once.
         pub indirect: [f32; 3],
-        /// Rays behind the values.
+        /// Rays that the values are means of.
         pub ray_count: f32,
-        /// B of sky and emission found directly.
+        /// Irradiance over pi of sky and emission.
         pub direct: [f32; 3],
-        /// Variance of the mean's luminance.
+        /// Variance of the luminance of the mean.
         pub variance: f32,
-        /// Change of B over a radius along the tangents, halves.
+        /// Change of the irradiance over pi per radius along the tangents, half floats.
         pub gradient: [u32; 3],
         /// Unused.
         pub padding: u32,
     }
 
-    /// A surfel's ray and what it brought back, 48 bytes.
+    /// A ray of a surfel and its result, 48 bytes.
     pub struct SurfelRay {
         /// Light that has bounced at least once.
         pub indirect: [f32; 3],
         /// Metres to the first hit.
         pub distance: f32,
-        /// Light met directly.
+        /// Sky and emission at the first hit.
         pub direct: [f32; 3],
         /// Octahedral direction in the surfel's frame.
         pub direction: u32,
@@ -81,21 +81,21 @@ crate::gpu_structs! {
         pub surfel: u32,
         /// Sample number.
         pub sample: u32,
-        /// Bin by place and direction.
+        /// Bin by position and direction.
         pub bin: u32,
-        /// Ray that is traced in this one's turn.
+        /// Ray that is traced at this index.
         pub order: u32,
     }
 
-    /// Where a surfel's ray first hit, 32 bytes.
+    /// First hit of a surfel's ray, 32 bytes.
     pub struct FirstHit {
-        /// Scene space; a direction where nothing was hit.
+        /// Scene space; a direction if nothing was hit.
         pub position: [f32; 3],
         /// Triangle in leaf order, or `u32::MAX`.
         pub bvh_triangle: u32,
         /// Octahedral geometric normal.
         pub normal: u32,
-        /// Whether light leaves in every direction alike.
+        /// Whether the BSDF is treated as Lambertian.
         pub is_matte: u32,
         /// Unused.
         pub padding0: u32,
@@ -107,25 +107,25 @@ crate::gpu_structs! {
     pub struct SurfelEdge {
         /// The other end.
         pub neighbour: u32,
-        /// Its birth number; 0 for an empty slot.
+        /// Its serial number; 0 for an empty slot.
         pub serial: u32,
         /// Shifted rays.
         pub count: f32,
         /// Mean squared luminance of their differences.
         pub square: f32,
-        /// This end's part of the difference of B.
+        /// This end's part of the difference of irradiance over pi.
         pub difference: [f32; 3],
         /// Unused.
         pub padding: u32,
     }
 
-    /// What surfels need to know of a visible point, 32 bytes.
+    /// A visible point, as the cache reads it, 32 bytes.
     pub struct VisiblePoint {
         /// Scene space.
         pub position: [f32; 3],
         /// Octahedral normal.
         pub normal: u32,
-        /// Radius a surfel should have there, or 0.
+        /// Target radius of surfels there, or 0.
         pub radius: f32,
         /// Unused.
         pub padding0: u32,
@@ -141,29 +141,29 @@ crate::gpu_structs! {
         pub position: [f32; 3],
         /// Octahedral normal.
         pub normal: u32,
-        /// Half floats: B of direct light (rgb), frames behind it.
+        /// Half floats: irradiance over pi of direct light (rgb), number of frames.
         pub light: [u32; 2],
-        /// Half floats: what of it was taken over from the frame before the camera moved (rgb), frames behind that.
+        /// Half floats: the part of it that is reused from before the camera moved (rgb), its number of frames.
         pub reused: [u32; 2],
     }
 
-    /// One surfel's part in a point's light, 64 bytes.
+    /// Contribution of one surfel to a point, 64 bytes.
     pub struct SurfelContribution {
         /// Scene space.
         pub position: [f32; 3],
-        /// Metres; of the point: coverage.
+        /// Metres; in the record of the point: coverage.
         pub radius: f32,
-        /// B of sky and emission.
+        /// Irradiance over pi of sky and emission.
         pub direct: [f32; 3],
-        /// Weight; of the point: trust.
+        /// Weight; in the record of the point: sum of trusted weights.
         pub weight: f32,
-        /// B of light that has bounced.
+        /// Irradiance over pi of light that has bounced.
         pub indirect: [f32; 3],
-        /// Chance to see the point.
+        /// Probability that it sees the point.
         pub visibility: f32,
         /// Octahedral normal.
         pub normal: u32,
-        /// Surfel; of the point: how many parts follow.
+        /// Surfel; in the record of the point: number of contributions.
         pub id: u32,
         /// Rays.
         pub ray_count: f32,
@@ -177,7 +177,7 @@ crate::gpu_structs! {
         pub cameras: [[f32; 4]; 8],
         /// Cameras in use.
         pub camera_count: u32,
-        /// Surfels that fit.
+        /// Most surfels.
         pub capacity: u32,
         /// Slots for marks that cells of cascades are hashed to, minus one.
         pub slot_mask: u32,
@@ -187,17 +187,17 @@ crate::gpu_structs! {
         pub seed: [u32; 2],
         /// Side of the smallest cells, metres.
         pub cell_size: f32,
-        /// Radius aimed at, pixels.
+        /// Target radius, pixels.
         pub radius_pixels: f32,
         /// Metres.
         pub smallest_radius: f32,
         /// Metres.
         pub largest_radius: f32,
-        /// Goal of the sum of weights.
+        /// Target of coverage.
         pub coverage: f32,
-        /// Factor of the error aimed at.
+        /// Factor of the error that the allocation of rays aims at.
         pub exposure: f32,
-        /// Living surfels.
+        /// Live surfels.
         pub live_count: u32,
         /// Rays of this update.
         pub ray_budget: u32,
@@ -207,11 +207,11 @@ crate::gpu_structs! {
         pub guided_share: f32,
         /// `surfel_switches`.
         pub switches: u32,
-        /// Entries that the grid has room for.
+        /// Capacity of the grid, entries.
         pub grid_room: u32,
-        /// Ids below this one have been in use.
+        /// Ids from this one on have never been used.
         pub used_count: u32,
-        /// Number of the next surfel born.
+        /// Serial number of the next surfel.
         pub next_serial: u32,
         /// Items of this dispatch.
         pub item_count: u32,
@@ -225,7 +225,7 @@ crate::gpu_structs! {
         pub levels: u32,
         /// Slots of the grid.
         pub grid_slots: u32,
-        /// Of the trapezoidal grid: cells along each side of its cube.
+        /// Trapezoidal grid: cells along each side of its cube.
         pub grid_cells: u32,
         /// Slices of each region around that.
         pub grid_slices: u32,
@@ -240,26 +240,26 @@ crate::gpu_structs! {
 pub mod surfel_switches {
     /// Gathers respect radial depth.
     pub const DEPTH: u32 = 1;
-    /// Outputs are shared with neighbours while they are noise.
+    /// Outputs are averaged with neighbours while they are noisy.
     pub const SHARING: u32 = 2;
     /// The multiscale mean estimator replaces the running mean.
     pub const MULTISCALE: u32 = 4;
-    /// Means forget when they drift.
+    /// Means are shortened when they drift.
     pub const DRIFT_TEST: u32 = 8;
-    /// Ray hits are served from the cache.
+    /// Ray hits read the cache.
     pub const FEEDBACK: u32 = 16;
-    /// First hits are kept, to be reconnected to neighbours.
+    /// First hits are kept, for reconnection to neighbours.
     pub const SHIFTS: u32 = 32;
     /// The grid is the trapezoidal one.
     pub const TRAPEZOIDAL: u32 = 64;
     /// Rays are traced in the order of their bins.
     pub const BINNING: u32 = 128;
-    /// What the picture at work sees is pinned.
+    /// Surfels that the present view sees are pinned.
     pub const PINNING: u32 = 256;
-    /// The picture at work is so small that coarse surfels do.
+    /// The present view is so small that coarse surfels suffice.
     pub const COARSE: u32 = 512;
-    /// Surfels without a ray come first.
+    /// Surfels without a ray are updated first.
     pub const NEWBORN_FIRST: u32 = 1024;
-    /// New surfels are small among the picture's pixels.
+    /// The target radius of the present view is small in pixels.
     pub const FINE_TILES: u32 = 2048;
 }

@@ -1,7 +1,7 @@
 //! CPU twins of shader functions: the same names under the same paths as in `lib/`, in the same `f32`.
 //!
-//! They are what a sampler's histogram is compared with, and what a kernel's results are compared with on small inputs.
-//! A twin is written for reading; nothing in the product runs it.
+//! Tests compare histograms of samplers and results of kernels on small inputs with them. A twin is written for
+//! clarity; the program does not use it.
 
 pub mod bsdf;
 pub mod core;

@@ -1,5 +1,5 @@
-//! Rough transmissive surfaces: the boundary of a volume, or a thin sheet. The twin covers what has a density; perfectly
-//! smooth surfaces have none.
+//! Rough transmissive surfaces: the boundary of a volume, or a thin sheet. The twin covers what has a density;
+//! perfectly smooth surfaces have none.
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use crate::twin::core::math::normalize_or;
 /// A rough transmissive surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dielectric {
-    /// Index behind the surface over index before it.
+    /// Index of refraction behind the surface over that in front of it.
     pub eta: f32,
     /// GGX alpha.
     pub alpha: f32,
@@ -21,7 +21,7 @@ pub struct Dielectric {
     pub tint: Vec3,
 }
 
-/// Share of light that is reflected.
+/// Reflectance.
 pub fn reflectance(surface: &Dielectric, cos_o: f32) -> f32 {
     let single = fresnel_dielectric(cos_o, surface.eta);
     if surface.is_thin { 2.0 * single / (1.0 + single) } else { single }

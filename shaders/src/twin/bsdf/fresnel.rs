@@ -9,7 +9,7 @@ pub fn fresnel_schlick(f0: Vec3, cos_theta: f32) -> Vec3 {
     f0 + (1.0 - f0) * (m2 * m2 * m)
 }
 
-/// Exact reflectance of a dielectric; `eta` is the index behind the surface over that before it.
+/// Exact reflectance of a dielectric; `eta` is the index of refraction behind the surface over that in front of it.
 pub fn fresnel_dielectric(cos_o: f32, eta: f32) -> f32 {
     let sin2_t = (1.0 - cos_o * cos_o).max(0.0) / (eta * eta);
     if sin2_t >= 1.0 {

@@ -32,7 +32,7 @@ pub fn random4(key: PathKey, dimension: u32) -> [f32; 4] {
     pcg4d([key.pixel, sample, dimension, key.seed[0]]).map(to_unit)
 }
 
-/// One number in [0, 1) for a triangle met along a ray.
+/// One number in [0, 1) for a triangle hit along a ray.
 pub fn random_for_triangle(key: PathKey, dimension: u32, triangle: u32) -> f32 {
     let pixel = key.pixel ^ triangle.wrapping_mul(0x85eb_ca6b);
     let sample = key.sample ^ key.seed[1].wrapping_mul(0x9e37_79b9);

@@ -4,13 +4,13 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-/// Place of a direction in the equirectangular image.
+/// Image coordinates of a direction in the equirectangular image.
 pub fn environment_uv(direction: Vec3) -> Vec2 {
     let u = direction.x.atan2(-direction.z) / (2.0 * PI) + 0.5;
     Vec2::new(u, direction.y.clamp(-1.0, 1.0).acos() / PI)
 }
 
-/// Direction of a place in the image.
+/// Direction of image coordinates.
 pub fn environment_direction(uv: Vec2) -> Vec3 {
     let phi = 2.0 * PI * (uv.x - 0.5);
     let theta = PI * uv.y;
