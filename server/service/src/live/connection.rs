@@ -1,389 +1,297 @@
-//! One client and its view: what it sent, what it should see, what is on its way.
+//! One client: the member of a session that it is, and the view that it sees.
 //!
-//! One task owns the connection. It reads messages, pushes the newest wish to the renderer, takes frames only while
-//! they can be sent, has them encoded elsewhere and hands them to the writer. Everything that waits has a deadline, and
-//! nothing here runs while nothing happens: a converged view costs one timer.
+//! The two are apart. The member's half is control: messages in ([`Inbound`]), answers, events and pings out. The
+//! view's half is frames: [`View`] renders and encodes, [`Outbound`] decides which of them go out on this socket. Both
+//! halves decide without a socket and without a clock; only this file applies what they return.
+//!
+//! One task owns the connection. Everything that waits has a deadline, and nothing runs while nothing happens: a
+//! converged view costs one timer.
 
-use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::StreamExt;
 use futures_util::stream::SplitStream;
-use parking_lot::Mutex;
 use surfelcast_protocol::client::Hello;
-use surfelcast_protocol::close;
 use surfelcast_protocol::server::{NoticeKind, ServerMessage};
-use surfelcast_protocol::settings::Codec;
-use surfelcast_renderer::scene::Camera;
-use surfelcast_renderer::{DeviceState, Frame, FrameSlot, RendererStatus, ViewKey};
-use surfelcast_stream::{AckWindow, QualityLoop, StillSchedule};
-use tokio::sync::{broadcast, mpsc};
+use surfelcast_renderer::{DeviceState, Frame, RendererStatus, ViewState};
+use tokio::sync::{broadcast, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::live::inbound::Inbound;
-use crate::live::outbound::{Encoded, Outbound};
-use crate::live::outbox::{Outbox, Overflow};
+use crate::live::close::CloseReason;
+use crate::live::frame::EncodedFrame;
+use crate::live::heartbeat::Heartbeat;
+use crate::live::inbound::{Effect, Inbound, LightEdit, Received};
+use crate::live::outbound::Outbound;
+use crate::live::outbox::Outbox;
+use crate::live::points::PointQuestions;
+use crate::live::refusal::Refusal;
 use crate::live::resume::{Resumable, TooSoon};
-use crate::live::wishes::Wishes;
+use crate::live::sent_log::ContainedInput;
+use crate::live::view::{EncodeError, View, ViewEvent};
+use crate::live::view_settings::ViewSettings;
+use crate::live::welcome::welcome;
 use crate::sessions::Member;
 use crate::state::ServiceState;
 use crate::text::{clean_name, random_id};
 
-/// The first frame waits this long for the client to say its size.
-const FIRST_SIZE_PATIENCE: Duration = Duration::from_millis(250);
 /// A frame being encoded when the server drains may take this long.
 const DRAIN_PATIENCE: Duration = Duration::from_secs(1);
-/// Pings without a sign of life that end a connection.
-const MISSED_PINGS: u32 = 2;
-/// Points of the picture that may be looked at for one client at a time.
-pub(crate) const POINT_QUESTIONS: usize = 4;
-
-/// How a connection ends.
-#[derive(Debug)]
-pub(crate) enum Ending {
-    /// With this code and reason.
-    Close(u16, String),
-    /// Without a word: the socket is gone or does not take one.
-    Gone,
-}
-
-impl Ending {
-    pub(crate) fn close(code: u16, reason: &str) -> Self {
-        Self::Close(code, reason.to_owned())
-    }
-
-    pub(crate) fn of_socket_error(error: &axum::Error) -> Self {
-        // The library's error is boxed twice; its text is the only handle on "message too long".
-        if error.to_string().contains("too long") {
-            Self::close(close::TOO_BIG, "message: over the size limit in welcome.limits")
-        } else {
-            Self::Gone
-        }
-    }
-}
-
-impl From<Overflow> for Ending {
-    fn from(overflow: Overflow) -> Self {
-        tracing::debug!(%overflow, "disconnecting");
-        metrics::counter!("surfelcast_closes_total", "code" => "overflow").increment(1);
-        Self::Gone
-    }
-}
-
-/// Whether the view is in a gesture.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Motion {
-    pub(crate) is_moving: bool,
-    pub(crate) last_input_at: Duration,
-}
 
 /// State of one connection.
 #[derive(Debug)]
-pub(crate) struct Connection {
-    pub(crate) state: ServiceState,
-    pub(crate) member: Member,
-    pub(crate) outbox: Outbox,
-    pub(crate) codecs: Vec<Codec>,
-    pub(crate) wishes: Arc<Mutex<Wishes>>,
-    pub(crate) motion: Motion,
-    pub(crate) window: AckWindow,
-    pub(crate) quality: QualityLoop,
-    pub(crate) stills: StillSchedule,
-    pub(crate) inbound: Inbound,
-    pub(crate) outbound: Outbound,
-    pub(crate) device: DeviceState,
+pub(crate) struct Connection<'a> {
+    state: ServiceState,
+    outbox: &'a Outbox,
     began: Instant,
-    view: ViewKey,
-    slot: FrameSlot,
-    /// A frame was asked for and has not come.
-    is_waiting_for_frame: bool,
-    start_at: Duration,
-    next_ping: Duration,
-    missed_pings: u32,
-    draining_until: Option<Duration>,
-    pub(crate) token: String,
+    /// Token under which a later connection takes up this view.
+    token: String,
     superseded: CancellationToken,
+    draining_until: Option<Duration>,
+    // The member.
+    member: Member,
+    inbound: Inbound,
+    points: PointQuestions,
+    heartbeat: Heartbeat,
+    device: DeviceState,
+    client: String,
+    // The view.
+    view: View,
+    outbound: Outbound,
+    /// The settings of the view, for the connection that resumes it.
+    resumable: watch::Sender<ViewSettings>,
 }
 
-impl Connection {
-    /// Opens the view and greets the client.
+impl<'a> Connection<'a> {
+    /// Opens the view of a client that has introduced itself.
     pub(crate) async fn open(
         state: ServiceState,
         member: Member,
         hello: Hello,
-        outbox: Outbox,
-    ) -> Result<Self, (Outbox, Ending)> {
+        outbox: &'a Outbox,
+    ) -> Result<Self, CloseReason> {
         let status = state.renderer_status();
-        let session = member.live.meta.session_id().to_owned();
-        let resumed = match hello.resume.as_deref().map(|token| state.resume().take(token, &session)) {
-            Some(Err(TooSoon)) => {
-                let least = state.config().timeouts.reconnect.as_millis();
-                let reason = format!("hello.resume: come back {least} ms after the last connection began, not before");
-                return Err((outbox, Ending::Close(close::RATE, reason)));
-            }
-            Some(Ok(resumed)) => resumed,
-            None => None,
-        };
-        let wishes = if let Some(resumed) = resumed {
-            metrics::counter!("surfelcast_resumes_total").increment(1);
-            let wishes = resumed.wishes.lock().clone();
-            // The codecs on offer may be others now.
-            Wishes { codec: wishes.codec.filter(|codec| hello.caps.codecs.contains(codec)), ..wishes }
-        } else {
-            let technique = status.techniques.first().map_or("", |technique| technique.id);
-            Wishes::of_scene(&member.live.scene, technique, hello.caps.max_px.unwrap_or(u64::MAX))
-        };
-        let token = match random_id() {
-            Ok(token) => token,
-            Err(error) => {
-                tracing::error!(%error, "no randomness for a resume token");
-                return Err((outbox, Ending::close(close::TRY_LATER, "the server failed; its log tells why")));
-            }
-        };
-        let quality = QualityLoop::new(wishes.quality);
-        let first = wishes.view_state(false, quality.scale(), quality.frames_per_sec(), 0);
-        let slot = FrameSlot::default();
-        let opened = state.handle().open_view(member.live.key, first, slot.clone()).await;
-        let view = match opened {
-            Ok(view) => view,
-            Err(error) => return Err((outbox, Ending::of_renderer(error))),
-        };
-        let wishes = Arc::new(Mutex::new(wishes));
+        let (limits, timeouts) = (state.config().limits, state.config().timeouts);
+        let settings = settings_of(&state, &member, &hello, &status)?;
+        let token = random_id().map_err(|error| {
+            tracing::error!(%error, "no randomness for a resume token");
+            CloseReason::Internal
+        })?;
+        let outbound = Outbound::new(&settings, &hello.caps.codecs, &timeouts);
+        let first = view_state(&settings, &outbound, 0);
+        let live = Arc::clone(&member.live);
+        let view = View::open(state.handle().clone(), state.encoders().clone(), live, first).await?;
+        let resumable = watch::Sender::new(settings.clone());
         let superseded = CancellationToken::new();
-        state
-            .resume()
-            .insert(token.clone(), Resumable { session, wishes: Arc::clone(&wishes), superseded: superseded.clone() });
-        let next_ping = state.config().timeouts.ping;
-        let connection = Self {
-            inbound: Inbound::new(&state.config().limits),
-            outbound: Outbound::default(),
-            device: status.state,
+        let entry = Resumable {
+            session: member.live.meta.session_id().to_owned(),
+            settings: resumable.subscribe(),
+            superseded: superseded.clone(),
+        };
+        state.resume().insert(token.clone(), entry);
+        Ok(Self {
             began: Instant::now(),
-            motion: Motion::default(),
-            window: AckWindow::default(),
-            stills: StillSchedule::default(),
-            is_waiting_for_frame: false,
-            start_at: FIRST_SIZE_PATIENCE,
-            missed_pings: 0,
             draining_until: None,
-            codecs: hello.caps.codecs,
+            inbound: Inbound::new(limits, settings, hello.caps.codecs),
+            points: PointQuestions::new(state.handle().clone(), member.live.key),
+            heartbeat: Heartbeat::new(timeouts.ping),
+            device: status.state,
+            client: clean_name(&hello.client),
             state,
-            member,
             outbox,
-            wishes,
-            quality,
-            view,
-            slot,
-            next_ping,
             token,
             superseded,
-        };
-        let welcome = connection.welcome(&status);
-        let lights = connection.member.live.lights_message();
-        let conn = welcome.conn.clone();
-        tracing::info!(conn, client = %clean_name(&hello.client), scene = %connection.member.live.meta.name, "connected");
-        let sent = connection.outbox.control(&ServerMessage::Welcome(Box::new(welcome)));
-        match sent.and_then(|()| connection.outbox.control(&lights)) {
-            Ok(()) => Ok(connection),
-            Err(overflow) => Err(connection.finish(overflow.into()).await),
-        }
+            member,
+            view,
+            outbound,
+            resumable,
+        })
     }
 
-    /// Serves the client until either side ends it.
-    pub(crate) async fn run(mut self, stream: &mut SplitStream<WebSocket>) -> (Outbox, Ending) {
+    /// Serves the client until either side ends it. The token lives on for a while, the view does not.
+    pub(crate) async fn run(mut self, stream: &mut SplitStream<WebSocket>) -> CloseReason {
+        let Err(reason) = self.serve(stream).await;
+        self.state.resume().left(&self.token);
+        self.view.close().await;
+        reason
+    }
+
+    async fn serve(&mut self, stream: &mut SplitStream<WebSocket>) -> Result<Infallible, CloseReason> {
         let mut events = self.member.live.subscribe();
+        self.welcome()?;
         let mut status = self.state.handle().status();
         status.mark_changed();
-        let (encoded_sender, mut encoded) = mpsc::channel(1);
-        let (late_sender, mut late) = mpsc::channel(POINT_QUESTIONS);
-        self.outbound.encoded = Some(encoded_sender);
-        self.inbound.late = Some(late_sender);
         let draining = self.state.draining().clone();
         let superseded = self.superseded.clone();
         let ended = self.member.live.ended.clone();
-        let ending = loop {
-            if let Err(ending) = self.tick() {
-                break ending;
-            }
-            let deadline = self.began + self.next_deadline();
-            let step = tokio::select! {
+        loop {
+            self.tick()?;
+            let deadline = self.began + self.deadline();
+            let has_frame_room = self.outbox.has_frame_room();
+            let takes_frames = self.outbound.can_take(self.now(), has_frame_room);
+            tokio::select! {
                 biased;
-                () = superseded.cancelled() => Err(Ending::close(close::SUPERSEDED, "a newer connection resumed this view")),
-                () = ended.cancelled() => Err(Ending::close(close::ENDED, "the session ended: its scene was deleted")),
-                () = self.outbox.ended() => Err(Ending::Gone),
-                () = draining.cancelled(), if self.draining_until.is_none() => self.begin_drain(),
-                message = stream.next() => self.on_message(message),
-                Ok(()) = status.changed() => { let now = status.borrow_and_update().clone(); self.on_status(&now) }
-                event = events.recv() => self.on_event(event),
-                Some(message) = late.recv() => self.on_late(&message),
-                Some(done) = encoded.recv() => self.on_encoded(done),
-                () = self.outbox.frame_room(), if !self.outbox.has_frame_room() => Ok(()),
-                frame = self.slot.take(), if self.can_take() => self.on_frame(frame),
-                () = tokio::time::sleep_until(deadline) => Ok(()),
-            };
-            if let Err(ending) = step {
-                break ending;
+                () = superseded.cancelled() => return Err(CloseReason::Superseded),
+                () = ended.cancelled() => return Err(CloseReason::SessionEnded),
+                () = self.outbox.ended() => return Err(CloseReason::Gone),
+                () = draining.cancelled(), if self.draining_until.is_none() => self.begin_drain()?,
+                message = stream.next() => self.on_message(message)?,
+                Ok(()) = status.changed() => { let now = status.borrow_and_update().clone(); self.on_status(&now)?; }
+                event = events.recv() => self.on_session_event(event)?,
+                answer = self.points.answer() => self.outbox.control(&answer)?,
+                event = self.view.next(takes_frames) => self.on_view_event(event)?,
+                () = self.outbox.frame_room(), if !has_frame_room => {}
+                () = tokio::time::sleep_until(deadline) => {}
             }
-        };
-        self.finish(ending).await
+        }
     }
 
     /// Since the connection began.
-    pub(crate) fn now(&self) -> Duration {
+    fn now(&self) -> Duration {
         self.began.elapsed()
     }
 
-    /// Sends the view's state to the renderer.
-    pub(crate) fn push_view(&self) {
-        let wishes = self.wishes.lock();
-        let state = wishes.view_state(
-            self.motion.is_moving,
-            self.quality.scale(),
-            self.quality.frames_per_sec(),
-            self.inbound.last_seq(),
-        );
-        drop(wishes);
-        self.member.live.update_view(self.view, state);
-    }
-
-    /// The client said how large its view is; the first frame need not wait any more.
-    pub(crate) fn start(&mut self) {
-        self.start_at = Duration::ZERO;
-    }
-
-    /// An input arrived: the view moves until it has been quiet for a while.
-    pub(crate) fn moved(&mut self) {
-        self.motion = Motion { is_moving: true, last_input_at: self.now() };
-        self.stills.restart();
-        self.push_view();
-    }
-
-    fn quiet_at(&self) -> Duration {
-        self.motion.last_input_at + StillSchedule::quiet_time(self.quality.frames_per_sec())
-    }
-
-    fn is_silenced(&self) -> bool {
-        self.window.silence(self.now()) >= self.state.config().timeouts.ack_stop
-    }
-
-    /// Whether a frame taken now could be encoded and sent.
-    fn can_take(&self) -> bool {
-        !self.outbound.is_encoding()
-            && self.outbox.has_frame_room()
-            && self.window.has_room(self.quality.frames_per_sec())
-            && !self.is_silenced()
-            && self.draining_until.is_none()
-    }
-
-    /// Earliest time at which the next frame may be asked for; `None` while something else must happen first.
-    fn want_at(&self) -> Option<Duration> {
-        let frames_per_sec = self.quality.frames_per_sec();
-        let coming = self.window.in_flight() + u32::from(self.outbound.is_encoding());
-        let has_room = self.window.has_room(frames_per_sec) && coming < self.window.frames(frames_per_sec);
-        let is_stopped = self.is_waiting_for_frame || self.draining_until.is_some() || self.is_silenced();
-        if is_stopped || !has_room || !self.outbox.has_frame_room() || self.wishes.lock().is_paused {
-            return None;
-        }
-        let paced = if self.motion.is_moving { self.window.next_send_at(frames_per_sec) } else { Duration::ZERO };
-        Some(paced.max(self.start_at))
+    /// Everything that the client must know before its first frame.
+    fn welcome(&self) -> Result<(), CloseReason> {
+        let live = &self.member.live;
+        let welcome = welcome(&self.state, live, &self.token);
+        tracing::info!(conn = welcome.conn, client = %self.client, scene = %live.meta.name, "connected");
+        self.outbox.control(&ServerMessage::Welcome(Box::new(welcome)))?;
+        self.outbox.control(&live.lights_message())?;
+        Ok(())
     }
 
     /// Does what is due.
-    fn tick(&mut self) -> Result<(), Ending> {
+    fn tick(&mut self) -> Result<(), CloseReason> {
         let now = self.now();
-        let timeouts = self.state.config().timeouts;
-        if self.motion.is_moving && now >= self.quiet_at() {
-            self.motion.is_moving = false;
-            self.push_view();
+        let due = self.outbound.on_tick(now, self.outbox.has_frame_room())?;
+        if due.view_update {
+            self.update_view();
         }
-        if self.want_at().is_some_and(|at| now >= at) {
-            self.is_waiting_for_frame = true;
-            self.slot.want();
-            self.state.handle().wake();
+        if due.frame {
+            self.view.request_frame();
         }
-        if self.window.silence(now) >= timeouts.ack_close {
-            return Err(Ending::close(close::TOO_SLOW, "ack: none came for too long"));
-        }
-        if now >= self.next_ping {
-            if self.missed_pings >= MISSED_PINGS {
-                return Err(Ending::close(close::TOO_SLOW, "ping: no sign of life"));
-            }
-            self.missed_pings += 1;
-            self.next_ping = now + timeouts.ping;
+        if self.heartbeat.on_tick(now)? {
             self.outbox.control(&ServerMessage::Ping { ts: self.state.server_ms() })?;
         }
-        if self.outbound.stats_at().is_some_and(|at| now >= at) {
-            self.send_stats()?;
+        if due.stats {
+            self.send_stats(now)?;
         }
         match self.draining_until {
-            Some(until) if now >= until || !self.outbound.is_encoding() => {
-                Err(Ending::close(close::RESTART, "the server is stopping; come back"))
-            }
+            Some(until) if now >= until || !self.outbound.is_encoding() => Err(CloseReason::Stopping),
             _ => Ok(()),
         }
     }
 
     /// When [`Connection::tick`] has something to do if nothing happens before.
-    fn next_deadline(&self) -> Duration {
+    fn deadline(&self) -> Duration {
         let now = self.now();
-        let timeouts = &self.state.config().timeouts;
-        let mut next = self.next_ping;
-        let mut by = |at: Duration| next = next.min(at);
-        if self.motion.is_moving {
-            by(self.quiet_at());
-        }
-        if let Some(at) = self.want_at() {
-            by(at);
-        }
-        if self.window.in_flight() > 0 {
-            let silence = self.window.silence(now);
-            by(now + timeouts.ack_close.saturating_sub(silence));
-        }
-        if let Some(at) = self.outbound.stats_at() {
-            by(at);
-        }
-        if let Some(until) = self.draining_until {
-            by(until);
-        }
+        let frames = self.outbound.deadline(now, self.outbox.has_frame_room());
+        let next = [frames, self.draining_until].into_iter().flatten().fold(self.heartbeat.deadline(), Duration::min);
         // A deadline in the past would spin: what is due was done in `tick`, the rest can wait a moment.
         next.max(now + Duration::from_millis(1))
     }
 
-    fn on_message(&mut self, message: Option<Result<Message, axum::Error>>) -> Result<(), Ending> {
+    fn on_message(&mut self, message: Option<Result<Message, axum::Error>>) -> Result<(), CloseReason> {
         let message = match message {
-            None | Some(Ok(Message::Close(_))) => return Err(Ending::Gone),
-            Some(Err(error)) => return Err(Ending::of_socket_error(&error)),
+            None | Some(Ok(Message::Close(_))) => return Err(CloseReason::Gone),
+            Some(Err(error)) => return Err(CloseReason::of_socket_error(&error)),
             Some(Ok(message)) => message,
         };
-        self.missed_pings = 0;
-        self.receive(message)
+        self.heartbeat.on_message();
+        let now = self.now();
+        let received = self.inbound.receive(&message, now);
+        self.apply(received, now)
     }
 
-    fn on_status(&mut self, status: &RendererStatus) -> Result<(), Ending> {
-        let before = std::mem::replace(&mut self.device, status.state);
-        let notice = |kind, detail: String| ServerMessage::Notice { kind, detail };
-        match (before, status.state) {
-            (_, DeviceState::Failed) => {
-                return Err(Ending::close(close::GPU_LOST, "the render device was lost and did not come back"));
+    fn apply(&mut self, received: Received, now: Duration) -> Result<(), CloseReason> {
+        let Received { id, effect } = received;
+        let done = match effect {
+            Effect::Nothing => return Ok(()),
+            Effect::Close(reason) => return Err(reason),
+            Effect::Pinged { ts } => {
+                self.outbox.control(&ServerMessage::Pong { ts, server_ms: self.state.server_ms() })?;
+                return Ok(());
             }
+            Effect::Acked(ack) => {
+                if self.outbound.on_ack(&ack, now) {
+                    self.update_view();
+                }
+                return Ok(());
+            }
+            Effect::PointAsked(question, point) => {
+                match self.points.ask(question, self.outbound.acked_view(), point, id) {
+                    // Answered when the renderer has looked.
+                    Ok(()) => return Ok(()),
+                    Err(refusal) => Err(refusal),
+                }
+            }
+            Effect::Moved => {
+                metrics::counter!("surfelcast_inputs_total", "kind" => "camera").increment(1);
+                self.outbound.start();
+                self.outbound.on_input(now);
+                self.settings_changed();
+                Ok(())
+            }
+            Effect::ViewChanged => {
+                self.outbound.on_settings(self.inbound.settings());
+                self.settings_changed();
+                Ok(())
+            }
+            Effect::LightEdit(edit) => self.edit_lights(&edit, now),
+            Effect::StillWanted => self.outbound.on_still(now).map(|request| self.view.encode(request)),
+            Effect::Refused(refusal) => Err(refusal),
+        };
+        match (done, id) {
+            (Ok(()), Some(re)) => self.outbox.control(&ServerMessage::Ok { re })?,
+            (Ok(()), None) => {}
+            (Err(refusal), re) => self.outbox.control(&refusal.message(re))?,
+        }
+        Ok(())
+    }
+
+    fn edit_lights(&mut self, edit: &LightEdit, now: Duration) -> Result<(), Refusal> {
+        let max_lights = self.state.config().limits.max_lights;
+        self.member.live.edit_lights(&edit.patch, max_lights).map_err(Refusal::invalid)?;
+        metrics::counter!("surfelcast_inputs_total", "kind" => "light").increment(1);
+        self.inbound.light_edited(edit.seq, now);
+        self.outbound.on_input(now);
+        self.update_view();
+        Ok(())
+    }
+
+    fn settings_changed(&self) {
+        self.resumable.send_replace(self.inbound.settings().clone());
+        self.update_view();
+    }
+
+    /// Sends the renderer the newest state of the view.
+    fn update_view(&self) {
+        let state = view_state(self.inbound.settings(), &self.outbound, self.inbound.last_seq());
+        self.view.update(state);
+    }
+
+    fn on_status(&mut self, status: &RendererStatus) -> Result<(), CloseReason> {
+        self.inbound.set_techniques(status.techniques.iter().map(|technique| technique.id).collect());
+        let before = std::mem::replace(&mut self.device, status.state);
+        match (before, status.state) {
+            (_, DeviceState::Failed) => return Err(CloseReason::DeviceLost),
             (DeviceState::Ready, DeviceState::Lost) => {
-                let detail = "the render device was lost and is being rebuilt".into();
-                self.outbox.control(&notice(NoticeKind::DeviceLost, detail))?;
+                self.notify(NoticeKind::DeviceLost, "the render device was lost and is being rebuilt".into())?;
             }
             (DeviceState::Lost, DeviceState::Ready) => {
-                let detail = format!("the render device is back (epoch {})", status.epoch);
-                self.outbox.control(&notice(NoticeKind::Restored, detail))?;
-                self.stills.restart();
+                self.notify(NoticeKind::Restored, format!("the render device is back (epoch {})", status.epoch))?;
+                self.outbound.on_restored();
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn on_event(&mut self, event: Result<ServerMessage, broadcast::error::RecvError>) -> Result<(), Ending> {
+    fn on_session_event(&self, event: Result<ServerMessage, broadcast::error::RecvError>) -> Result<(), CloseReason> {
         // Events are whole states, so one sent now makes up for any number missed. The sender lives in the session, so
         // the channel cannot be closed while this connection is a member.
         let message = event.unwrap_or_else(|_| self.member.live.lights_message());
@@ -391,54 +299,90 @@ impl Connection {
         Ok(())
     }
 
-    fn on_late(&mut self, message: &ServerMessage) -> Result<(), Ending> {
-        self.inbound.points_in_flight = self.inbound.points_in_flight.saturating_sub(1);
-        self.outbox.control(message)?;
-        Ok(())
-    }
-
-    fn on_encoded(&mut self, done: Encoded) -> Result<(), Ending> {
-        self.encoded(done)
-    }
-
-    fn on_frame(&mut self, frame: Option<Arc<Frame>>) -> Result<(), Ending> {
-        self.is_waiting_for_frame = false;
-        match frame {
-            Some(frame) => {
-                self.taken(&frame);
-                Ok(())
+    fn on_view_event(&mut self, event: ViewEvent) -> Result<(), CloseReason> {
+        match event {
+            ViewEvent::Frame(frame) => self.on_frame(&frame),
+            ViewEvent::Encoded(Ok(encoded)) => return self.on_encoded(&encoded),
+            ViewEvent::Encoded(Err(error)) => {
+                match error {
+                    EncodeError::Stream(error) => tracing::warn!(%error, "frame could not be encoded"),
+                    EncodeError::Panicked(error) => tracing::error!(%error, "an encoder panicked"),
+                }
+                self.outbound.on_encoding_failed();
             }
-            None => Err(Ending::close(close::ENDED, "the view was closed by the renderer")),
+            ViewEvent::Closed => return Err(CloseReason::ViewClosed),
         }
-    }
-
-    fn begin_drain(&mut self) -> Result<(), Ending> {
-        self.draining_until = Some(self.now() + DRAIN_PATIENCE);
-        let detail = "the server is stopping; it can be resumed when it is back".into();
-        self.outbox.control(&ServerMessage::Notice { kind: NoticeKind::Draining, detail })?;
         Ok(())
     }
 
-    /// Leaves: the token lives on for a while, the view does not.
-    async fn finish(self, ending: Ending) -> (Outbox, Ending) {
-        self.state.resume().left(&self.token);
-        self.member.live.remove_view(self.view);
-        if let Err(error) = self.state.handle().close_view(self.view).await {
-            tracing::debug!(%error, "view could not be closed");
+    fn on_frame(&mut self, frame: &Arc<Frame>) {
+        metrics::histogram!("surfelcast_frame_render_seconds").record(f64::from(frame.render_secs));
+        metrics::histogram!("surfelcast_frame_queue_seconds").record(frame.finished_at.elapsed().as_secs_f64());
+        if let Some(request) = self.outbound.on_frame(frame, self.now()) {
+            self.view.encode(request);
         }
-        (self.outbox, ending)
     }
 
-    /// The camera of a frame that contains this input.
-    pub(crate) fn camera_of(&self, input_seq: u32) -> Camera {
-        self.inbound.camera_of(input_seq).unwrap_or_else(|| self.wishes.lock().camera)
+    fn on_encoded(&mut self, encoded: &EncodedFrame) -> Result<(), CloseReason> {
+        metrics::histogram!("surfelcast_encode_seconds").record(encoded.encode_secs);
+        let now = self.now();
+        let seq = encoded.frame.input_seq;
+        let input = ContainedInput { camera: self.inbound.camera_of(seq), arrived_at: self.inbound.arrived_at(seq) };
+        let Some(delivery) = self.outbound.on_encoded(encoded, input, now) else { return Ok(()) };
+        let header = encoded.header(delivery.seq, self.state.server_us());
+        self.outbox.frame(&header, encoded.payload.clone())?;
+        if delivery.with_stats {
+            self.send_stats(now)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the client how it is being served.
+    fn send_stats(&mut self, now: Duration) -> Result<(), CloseReason> {
+        if let Some(stats) = self.outbound.stats(now) {
+            self.outbox.control(&ServerMessage::Stats(Box::new(stats)))?;
+        }
+        Ok(())
+    }
+
+    fn begin_drain(&mut self) -> Result<(), CloseReason> {
+        self.draining_until = Some(self.now() + DRAIN_PATIENCE);
+        self.outbound.drain();
+        self.notify(NoticeKind::Draining, "the server is stopping; it can be resumed when it is back".into())
+    }
+
+    fn notify(&self, kind: NoticeKind, detail: String) -> Result<(), CloseReason> {
+        self.outbox.control(&ServerMessage::Notice { kind, detail })?;
+        Ok(())
     }
 }
 
-/// The newest few of something, oldest first.
-pub(crate) fn push_bounded<T>(queue: &mut VecDeque<T>, item: T, capacity: usize) {
-    while queue.len() >= capacity.max(1) {
-        queue.pop_front();
-    }
-    queue.push_back(item);
+/// The settings that a client begins with: those of the connection that it resumes, or the scene's.
+fn settings_of(
+    state: &ServiceState,
+    member: &Member,
+    hello: &Hello,
+    status: &RendererStatus,
+) -> Result<ViewSettings, CloseReason> {
+    let resumed = match &hello.resume {
+        Some(token) => state.resume().take(token, member.live.meta.session_id()).map_err(|TooSoon| {
+            CloseReason::ResumedTooSoon { least_ms: state.config().timeouts.reconnect.as_millis() }
+        })?,
+        None => None,
+    };
+    let Some(resumed) = resumed else {
+        let technique = status.techniques.first().map_or("", |technique| technique.id);
+        let max_pixels = hello.caps.max_px.unwrap_or(u64::MAX);
+        return Ok(ViewSettings::of_scene(&member.live.scene, technique, max_pixels));
+    };
+    metrics::counter!("surfelcast_resumes_total").increment(1);
+    let settings = resumed.settings.borrow().clone();
+    // The client may offer other codecs now.
+    let codec = settings.codec.filter(|codec| hello.caps.codecs.contains(codec));
+    Ok(ViewSettings { codec, ..settings })
+}
+
+fn view_state(settings: &ViewSettings, outbound: &Outbound, input_seq: u32) -> ViewState {
+    let quality = outbound.quality();
+    settings.view_state(outbound.is_moving(), quality.scale(), quality.frames_per_sec(), input_seq)
 }

@@ -1,321 +1,396 @@
-//! What a client may say, and what it does.
+//! What a client sends: parsed, rationed, ordered and checked.
+//!
+//! No socket, no renderer and no clock: a message and the time of its arrival come in, an [`Effect`] comes out, and the
+//! connection applies it. Every input is applied in the order of arrival and none is queued. What the renderer gets is
+//! the newest state, so a `move` may replace a `move`, and the `end` of a gesture is what remains.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use axum::extract::ws::Message;
 use surfelcast_protocol::client::{Ack, CameraInput, ClientEnvelope, ClientMessage, LightInput, ViewSet};
-use surfelcast_protocol::close;
 use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::parse::{ParseError, parse_client};
-use surfelcast_protocol::server::ServerMessage;
+use surfelcast_protocol::settings::{Codec, LightPatch};
 use surfelcast_renderer::scene::Camera;
-use surfelcast_stream::Stage;
-use tokio::sync::mpsc;
 
-use crate::live::connection::{Connection, Ending, push_bounded};
+use crate::live::close::CloseReason;
+use crate::live::input_log::InputLog;
 use crate::live::points::PointQuestion;
 use crate::live::rate::TokenBucket;
-use crate::validate::camera;
+use crate::live::refusal::{Refusal, check_view};
+use crate::live::view_settings::ViewSettings;
+use crate::validate::{camera, within};
 
-/// Messages that are no messages, until the connection ends.
+/// Malformed messages that end a connection.
 const MAX_MALFORMED: u32 = 3;
 /// Messages of any kind a second, in multiples of the input rate.
 const MESSAGES_PER_INPUT: u32 = 4;
-/// Inputs remembered for telling which camera a frame shows; more than a second's worth.
-const INPUT_LOG: usize = 256;
-/// Least time between two stills asked for.
-const STILL_INTERVAL: Duration = Duration::from_secs(1);
 
-/// The one view of a connection.
-const VIEW: u16 = 0;
-
-#[derive(Clone, Copy, Debug)]
-struct Input {
-    seq: u32,
-    at: Duration,
-    camera: Camera,
+/// What the connection has to do about a message.
+#[derive(Debug)]
+pub(crate) enum Effect {
+    /// Nothing: the message was no more than a sign of life.
+    Nothing,
+    /// The camera moved: [`Inbound::settings`] has it.
+    Moved,
+    /// The settings of the view changed: [`Inbound::settings`] has them.
+    ViewChanged,
+    /// The session should apply this edit; [`Inbound::light_edited`] follows where it did.
+    LightEdit(LightEdit),
+    /// The present frame should be sent as a still.
+    StillWanted,
+    /// The renderer should look at a point, each coordinate in [0, 1], of the frame that the client sees.
+    PointAsked(PointQuestion, [f32; 2]),
+    /// Frames arrived.
+    Acked(Ack),
+    /// The client expects a `pong`.
+    Pinged {
+        /// The client's `ts`.
+        ts: f64,
+    },
+    /// The message is answered with `error`; nothing changed.
+    Refused(Refusal),
+    /// The connection ends.
+    Close(CloseReason),
 }
 
-/// What is remembered of a client's messages.
+/// An edit of lights that stands in the right order.
+#[derive(Debug)]
+pub(crate) struct LightEdit {
+    pub(crate) seq: u32,
+    pub(crate) patch: Box<LightPatch>,
+}
+
+/// A message as the connection applies it.
+#[derive(Debug)]
+pub(crate) struct Received {
+    /// Id of the request, for the answer.
+    pub(crate) id: Option<u64>,
+    pub(crate) effect: Effect,
+}
+
+/// What a client has said so far.
 #[derive(Debug)]
 pub(crate) struct Inbound {
+    limits: Limits,
+    offered: Vec<Codec>,
+    techniques: Vec<&'static str>,
+    settings: ViewSettings,
     inputs: TokenBucket,
     messages: TokenBucket,
     malformed: u32,
-    log: VecDeque<Input>,
-    last_still_at: Option<Duration>,
-    /// Points that the renderer is looking at.
-    pub(crate) points_in_flight: usize,
-    pub(crate) late: Option<mpsc::Sender<ServerMessage>>,
+    log: InputLog,
 }
 
 impl Inbound {
-    pub(crate) fn new(limits: &Limits) -> Self {
+    /// For a client that begins with these settings and decodes the codecs `offered`, best first.
+    pub(crate) fn new(limits: Limits, settings: ViewSettings, offered: Vec<Codec>) -> Self {
         Self {
             inputs: TokenBucket::new(limits.inputs_per_sec),
             messages: TokenBucket::new(limits.inputs_per_sec.saturating_mul(MESSAGES_PER_INPUT)),
             malformed: 0,
-            log: VecDeque::new(),
-            last_still_at: None,
-            points_in_flight: 0,
-            late: None,
+            log: InputLog::default(),
+            techniques: Vec::new(),
+            limits,
+            offered,
+            settings,
         }
+    }
+
+    /// Ids of the techniques that a view may use.
+    pub(crate) fn set_techniques(&mut self, techniques: Vec<&'static str>) {
+        self.techniques = techniques;
+    }
+
+    /// The view as its client wants it now.
+    pub(crate) fn settings(&self) -> &ViewSettings {
+        &self.settings
     }
 
     /// Number of the newest input, 0 before the first.
     pub(crate) fn last_seq(&self) -> u32 {
-        self.log.back().map_or(0, |input| input.seq)
+        self.log.last_seq()
     }
 
-    /// The camera in force after this input; `None` where that is no longer known.
-    pub(crate) fn camera_of(&self, seq: u32) -> Option<Camera> {
-        self.newest_up_to(seq).map(|input| input.camera)
+    /// The camera of a frame that contains this input.
+    pub(crate) fn camera_of(&self, seq: u32) -> Camera {
+        self.log.camera_of(seq).unwrap_or(self.settings.camera)
     }
 
     /// When this input arrived.
     pub(crate) fn arrived_at(&self, seq: u32) -> Option<Duration> {
-        self.newest_up_to(seq).filter(|input| input.seq == seq).map(|input| input.at)
+        self.log.arrived_at(seq)
     }
 
-    fn newest_up_to(&self, seq: u32) -> Option<&Input> {
-        self.log.iter().rev().find(|input| !is_after(input.seq, seq))
+    /// Takes one message that arrived at `now`, counted from the beginning of the connection.
+    pub(crate) fn receive(&mut self, message: &Message, now: Duration) -> Received {
+        let (id, effect) = self.effect_of(message, now).unwrap_or_else(|reason| (None, Effect::Close(reason)));
+        Received { id, effect }
     }
 
-    /// Records an input; false when it is no newer than the last.
-    fn record(&mut self, seq: u32, at: Duration, camera: Camera) -> bool {
-        if self.log.back().is_some_and(|last| !is_after(seq, last.seq)) {
-            return false;
-        }
-        push_bounded(&mut self.log, Input { seq, at, camera }, INPUT_LOG);
-        true
+    /// The session has applied an edit of lights. Its number counts only now, so that a refused edit does not use it.
+    pub(crate) fn light_edited(&mut self, seq: u32, now: Duration) {
+        self.log.record(seq, now, self.settings.camera);
     }
-}
 
-/// Serial-number arithmetic: numbers wrap.
-fn is_after(a: u32, b: u32) -> bool {
-    let ahead = a.wrapping_sub(b);
-    ahead != 0 && ahead < 1 << 31
-}
-
-/// Why a request was refused; the connection stays.
-pub(crate) struct Refusal {
-    pub(crate) code: &'static str,
-    pub(crate) detail: String,
-}
-
-pub(crate) fn invalid(detail: String) -> Refusal {
-    Refusal { code: "invalid_value", detail }
-}
-
-impl Connection {
-    /// Handles one message. `Err` ends the connection.
-    pub(crate) fn receive(&mut self, message: Message) -> Result<(), Ending> {
-        let now = self.now();
-        if !self.inbound.messages.take(now) {
-            return Err(Ending::close(close::RATE, "messages: too many a second"));
+    fn effect_of(&mut self, message: &Message, now: Duration) -> Result<(Option<u64>, Effect), CloseReason> {
+        if !self.messages.take(now) {
+            return Err(CloseReason::TooManyMessages);
         }
         let text = match message {
             Message::Text(text) => text,
-            Message::Binary(_) => return Err(Ending::close(close::MALFORMED, "binary messages are the server's")),
-            // Answered by the library, or an answer to its own.
-            Message::Ping(_) | Message::Pong(_) | Message::Close(_) => return Ok(()),
+            Message::Binary(_) => return Err(CloseReason::BinaryMessage),
+            // The library answers pings; a pong answers its own.
+            Message::Ping(_) | Message::Pong(_) | Message::Close(_) => return Ok((None, Effect::Nothing)),
         };
-        match parse_client(&text) {
-            Ok(envelope) => self.obey(envelope, now),
-            Err(ParseError::Malformed(detail)) => {
-                self.inbound.malformed += 1;
-                if self.inbound.malformed >= MAX_MALFORMED {
-                    return Err(Ending::close(close::MALFORMED, "control message: repeatedly malformed"));
-                }
-                self.answer_error(None, "malformed", detail)
+        let (id, refusal) = match parse_client(text) {
+            Ok(ClientEnvelope { id, message }) => {
+                let effect = self.handle(message, now)?.unwrap_or_else(Effect::Refused);
+                return Ok((id, effect));
             }
-            Err(error @ ParseError::Unsupported { id, .. }) => self.answer_error(id, "unsupported", error.to_string()),
-            Err(error @ ParseError::Invalid { id, .. }) => self.answer_error(id, "invalid_message", error.to_string()),
-        }
+            Err(ParseError::Malformed(detail)) => {
+                self.malformed += 1;
+                if self.malformed >= MAX_MALFORMED {
+                    return Err(CloseReason::RepeatedlyMalformed);
+                }
+                (None, Refusal::new("malformed", detail))
+            }
+            Err(error @ ParseError::Unsupported { id, .. }) => (id, Refusal::new("unsupported", error.to_string())),
+            Err(error @ ParseError::Invalid { id, .. }) => (id, Refusal::new("invalid_message", error.to_string())),
+        };
+        Ok((id, Effect::Refused(refusal)))
     }
 
-    fn answer_error(&self, re: Option<u64>, code: &str, detail: String) -> Result<(), Ending> {
-        self.outbox.control(&ServerMessage::Error { re, code: code.into(), detail })?;
-        Ok(())
-    }
-
-    fn obey(&mut self, envelope: ClientEnvelope, now: Duration) -> Result<(), Ending> {
-        let ClientEnvelope { id, message } = envelope;
+    fn handle(&mut self, message: ClientMessage, now: Duration) -> Result<Result<Effect, Refusal>, CloseReason> {
         let is_input =
             !matches!(message, ClientMessage::Ack(_) | ClientMessage::Ping { .. } | ClientMessage::Pong { .. });
-        if is_input && !self.inbound.inputs.take(now) {
-            return Err(Ending::close(close::RATE, "inputs: more a second than welcome.limits.inputs_per_sec"));
+        if is_input && !self.inputs.take(now) {
+            return Err(CloseReason::TooManyInputs);
         }
-        let done = match message {
+        Ok(match message {
             ClientMessage::Camera(input) => self.on_camera(&input, now),
-            ClientMessage::Light(input) => self.on_light(&input, now),
+            ClientMessage::Light(input) => self.on_light(input),
             ClientMessage::ViewSet(set) => self.on_view_set(&set),
-            ClientMessage::Still { view } => self.on_still(view, now),
-            ClientMessage::Ack(ack) => {
-                self.on_ack(&ack, now);
-                return Ok(());
-            }
-            ClientMessage::Pick { view, x, y } => match self.on_point(PointQuestion::Pick, id, view, [x, y]) {
-                // Answered by `picked` when the renderer has looked.
-                Ok(()) => return Ok(()),
-                Err(refusal) => Err(refusal),
-            },
-            ClientMessage::Inspect { view, x, y } => match self.on_point(PointQuestion::Inspect, id, view, [x, y]) {
-                // Answered by `inspected`.
-                Ok(()) => return Ok(()),
-                Err(refusal) => Err(refusal),
-            },
-            ClientMessage::Ping { ts } => {
-                let pong = ServerMessage::Pong { ts, server_ms: self.state.server_ms() };
-                self.outbox.control(&pong)?;
-                return Ok(());
-            }
-            // Every message is a sign of life; this one is nothing else.
-            ClientMessage::Pong { .. } => return Ok(()),
+            ClientMessage::Still { view } => check_view(view).map(|()| Effect::StillWanted),
+            ClientMessage::Ack(ack) => Ok(Effect::Acked(ack)),
+            ClientMessage::Pick { view, x, y } => on_point(PointQuestion::Pick, view, [x, y]),
+            ClientMessage::Inspect { view, x, y } => on_point(PointQuestion::Inspect, view, [x, y]),
+            ClientMessage::Ping { ts } => Ok(Effect::Pinged { ts }),
+            ClientMessage::Pong { .. } => Ok(Effect::Nothing),
             ClientMessage::Hello(_) => {
-                Err(Refusal { code: "unexpected", detail: "hello: was said already; open a new connection".into() })
+                Err(Refusal::new("unexpected", "hello: was said already; open a new connection"))
             }
-        };
-        match (done, id) {
-            (Ok(()), Some(re)) => self.outbox.control(&ServerMessage::Ok { re })?,
-            (Ok(()), None) => {}
-            (Err(refusal), re) => self.answer_error(re, refusal.code, refusal.detail)?,
-        }
-        Ok(())
+        })
     }
 
-    fn on_camera(&mut self, input: &CameraInput, now: Duration) -> Result<(), Refusal> {
+    fn on_camera(&mut self, input: &CameraInput, now: Duration) -> Result<Effect, Refusal> {
         check_view(input.view)?;
-        let camera = camera("pose", "eye", &input.pose).map_err(invalid)?;
-        if !self.inbound.record(input.seq, now, camera) {
-            return Err(stale());
-        }
-        metrics::counter!("surfelcast_inputs_total", "kind" => "camera").increment(1);
-        self.wishes.lock().camera = camera;
-        self.start();
-        self.moved();
-        Ok(())
+        let camera = camera("pose", "eye", &input.pose).map_err(Refusal::invalid)?;
+        self.check_order(input.seq)?;
+        self.log.record(input.seq, now, camera);
+        self.settings.camera = camera;
+        Ok(Effect::Moved)
     }
 
-    fn on_light(&mut self, input: &LightInput, now: Duration) -> Result<(), Refusal> {
-        let camera = self.wishes.lock().camera;
-        let max_lights = self.state.config().limits.max_lights;
-        // Numbered only once the edit is accepted, lest a refused one spends the number.
-        if self.inbound.log.back().is_some_and(|last| !is_after(input.seq, last.seq)) {
-            return Err(stale());
-        }
-        self.member.live.edit_lights(&input.patch, max_lights).map_err(invalid)?;
-        self.inbound.record(input.seq, now, camera);
-        metrics::counter!("surfelcast_inputs_total", "kind" => "light").increment(1);
-        self.moved();
-        Ok(())
+    fn on_light(&self, input: LightInput) -> Result<Effect, Refusal> {
+        self.check_order(input.seq)?;
+        Ok(Effect::LightEdit(LightEdit { seq: input.seq, patch: Box::new(input.patch) }))
     }
 
-    fn on_view_set(&mut self, set: &ViewSet) -> Result<(), Refusal> {
+    fn on_view_set(&mut self, set: &ViewSet) -> Result<Effect, Refusal> {
         check_view(set.view)?;
-        let status = self.state.renderer_status();
-        let techniques: Vec<&str> = status.techniques.iter().map(|technique| technique.id).collect();
-        let quality = {
-            let mut wishes = self.wishes.lock();
-            wishes.apply(set, &self.state.config().limits, &techniques, &self.codecs).map_err(invalid)?;
-            wishes.quality
-        };
-        self.quality.set_limits(quality);
-        self.stills.restart();
-        self.start();
-        self.push_view();
-        Ok(())
+        self.settings.apply(set, &self.limits, &self.techniques, &self.offered).map_err(Refusal::invalid)?;
+        Ok(Effect::ViewChanged)
     }
 
-    fn on_still(&mut self, view: u16, now: Duration) -> Result<(), Refusal> {
-        check_view(view)?;
-        let busy = |detail: &str| Refusal { code: "busy", detail: detail.into() };
-        if self.inbound.last_still_at.is_some_and(|at| now.saturating_sub(at) < STILL_INTERVAL) {
-            return Err(busy("still: at most one a second"));
-        }
-        if self.outbound.is_encoding() || !self.window.has_room(self.quality.frames_per_sec()) {
-            return Err(busy("still: frames are on their way; ask again when they have arrived"));
-        }
-        let Some(frame) = self.outbound.last_frame() else {
-            return Err(Refusal { code: "no_frame", detail: "still: there is no picture yet".into() });
-        };
-        self.inbound.last_still_at = Some(now);
-        self.begin_encoding(frame, Stage::Final, true);
-        Ok(())
-    }
-
-    fn on_ack(&mut self, ack: &Ack, now: Duration) {
-        let was_silent = self.window.silence(now) >= self.state.config().timeouts.ack_stop;
-        let decode = Duration::from_micros(u64::from(ack.decode_us));
-        let acked = if ack.view == VIEW { self.window.acked(ack.seq, decode, now).ok() } else { None };
-        let Some(acked) = acked else {
-            metrics::counter!("surfelcast_acks_ignored_total").increment(1);
-            return;
-        };
-        if was_silent {
-            metrics::counter!("surfelcast_acks_late_total").increment(1);
-        }
-        if let Some(time) = acked.round_trip {
-            metrics::histogram!("surfelcast_round_trip_seconds").record(time.as_secs_f64());
-        }
-        let Some(shown) = self.outbound.acknowledged(ack.seq) else { return };
-        if let Some(at) = shown.input_at {
-            let latency = now.saturating_sub(at);
-            metrics::histogram!("surfelcast_input_to_ack_seconds").record(latency.as_secs_f64());
-        }
-        // Stills are large on purpose; only moving pictures tell whether the link keeps up with them.
-        if let (Stage::Moving, Some(delay)) = (shown.stage, acked.queue_delay) {
-            let before = (self.quality.scale(), self.quality.frames_per_sec());
-            self.quality.on_ack(delay);
-            if before != (self.quality.scale(), self.quality.frames_per_sec()) {
-                self.push_view();
-            }
+    fn check_order(&self, seq: u32) -> Result<(), Refusal> {
+        if self.log.accepts(seq) {
+            Ok(())
+        } else {
+            Err(Refusal::new("stale_input", "seq: must be above that of the input before"))
         }
     }
 }
 
-pub(crate) fn check_view(view: u16) -> Result<(), Refusal> {
-    if view == VIEW {
-        return Ok(());
-    }
-    Err(Refusal {
-        code: "unknown_view",
-        detail: "view: a connection has the one view 0; open another connection".into(),
-    })
-}
-
-fn stale() -> Refusal {
-    Refusal { code: "stale_input", detail: "seq: must be above that of the input before".into() }
+fn on_point(question: PointQuestion, view: u16, point: [f32; 2]) -> Result<Effect, Refusal> {
+    check_view(view)?;
+    within("x", point[0], 0.0, 1.0).map_err(Refusal::invalid)?;
+    within("y", point[1], 0.0, 1.0).map_err(Refusal::invalid)?;
+    Ok(Effect::PointAsked(question, point))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::live::wishes::Wishes;
+    use serde_json::{Value, json};
 
-    #[test]
-    fn serial_numbers_wrap() {
-        assert!(is_after(1, 0) && is_after(0, u32::MAX) && is_after(5, u32::MAX - 5));
-        assert!(!is_after(0, 0) && !is_after(0, 1) && !is_after(u32::MAX, 0));
+    use super::*;
+
+    const START: Duration = Duration::ZERO;
+
+    fn inbound() -> Inbound {
+        let limits = Limits { inputs_per_sec: 10, ..Limits::default() };
+        let mut inbound = Inbound::new(limits, ViewSettings::default(), vec![Codec::Jpeg]);
+        inbound.set_techniques(vec!["path"]);
+        inbound
+    }
+
+    fn receive(inbound: &mut Inbound, message: &Value, now: Duration) -> Received {
+        inbound.receive(&Message::text(message.to_string()), now)
+    }
+
+    fn camera_at(x: f64, seq: u32, phase: &str) -> Value {
+        let pose = json!({"eye": [x, 1.0, 5.0], "target": [0, 0, 0], "up": [0, 1, 0], "vfov_deg": 40});
+        json!({"t": "camera", "seq": seq, "pose": pose, "phase": phase})
+    }
+
+    fn refusal(received: Received) -> Refusal {
+        match received.effect {
+            Effect::Refused(refusal) => refusal,
+            effect => panic!("expected a refusal, got {effect:?}"),
+        }
+    }
+
+    fn close_reason(received: Received) -> String {
+        match received.effect {
+            Effect::Close(reason) => reason.to_string(),
+            effect => panic!("expected a close, got {effect:?}"),
+        }
     }
 
     #[test]
-    fn frames_find_their_camera() {
-        let mut inbound = Inbound::new(&Limits::default());
-        let base = Wishes::default().camera;
-        let at = |x: f64| Camera { position: glam::DVec3::new(x, 0.0, 1.0), ..base };
-        assert_eq!(inbound.camera_of(1), None);
-        for seq in [1, 3, 4] {
-            assert!(inbound.record(seq, Duration::from_millis(u64::from(seq)), at(f64::from(seq))));
+    fn every_input_of_a_gesture_counts_and_the_newest_camera_stands() {
+        let mut inbound = inbound();
+        for (seq, phase) in [(1, "start"), (2, "move"), (3, "move"), (4, "end"), (5, "start"), (6, "end")] {
+            let now = Duration::from_millis(u64::from(seq));
+            let received = receive(&mut inbound, &camera_at(f64::from(seq), seq, phase), now);
+            assert!(matches!(received.effect, Effect::Moved), "{phase}: {received:?}");
+            assert_eq!((inbound.last_seq(), inbound.settings().camera.position.x), (seq, f64::from(seq)));
+            assert_eq!(inbound.arrived_at(seq), Some(now), "{phase} keeps a number of its own");
         }
-        assert!(!inbound.record(4, Duration::ZERO, base) && !inbound.record(2, Duration::ZERO, base));
-        assert_eq!(inbound.camera_of(2).map(|c| c.position.x), Some(1.0));
-        assert_eq!(inbound.camera_of(9).map(|c| c.position.x), Some(4.0));
-        assert_eq!((inbound.arrived_at(3), inbound.arrived_at(2)), (Some(Duration::from_millis(3)), None));
-        for seq in 5..5000 {
-            inbound.record(seq, Duration::ZERO, base);
+        let xs: Vec<f64> = (1..=6).map(|seq| inbound.camera_of(seq).position.x).collect();
+        assert_eq!(xs, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn late_inputs_change_nothing() {
+        let mut inbound = inbound();
+        receive(&mut inbound, &camera_at(5.0, 5, "end"), START);
+        for seq in [5, 4] {
+            let mut message = camera_at(4.0, seq, "end");
+            message["id"] = json!(8);
+            let received = receive(&mut inbound, &message, START);
+            assert_eq!(received.id, Some(8));
+            assert_eq!(refusal(received).code, "stale_input");
         }
-        assert_eq!((inbound.log.len(), inbound.last_seq()), (INPUT_LOG, 4999));
+        let light = json!({"t": "light", "seq": 5, "patch": {}, "phase": "end"});
+        assert_eq!(refusal(receive(&mut inbound, &light, START)).code, "stale_input");
+        assert_eq!((inbound.last_seq(), inbound.settings().camera.position.x), (5, 5.0));
+    }
+
+    #[test]
+    fn a_light_edit_takes_its_number_once_it_is_applied() {
+        let mut inbound = inbound();
+        let light = json!({"t": "light", "seq": 1, "patch": {"emissive_strength": 2.0}, "phase": "move"});
+        for _ in 0..2 {
+            let Effect::LightEdit(edit) = receive(&mut inbound, &light, START).effect else { panic!("an edit") };
+            assert_eq!((edit.seq, edit.patch.emissive_strength, inbound.last_seq()), (1, Some(2.0), 0));
+        }
+        inbound.light_edited(1, START);
+        assert_eq!(inbound.last_seq(), 1);
+        assert_eq!(refusal(receive(&mut inbound, &light, START)).code, "stale_input");
+    }
+
+    #[test]
+    fn bad_numbers_are_refused_by_field_and_change_nothing() {
+        let mut inbound = inbound();
+        let before = inbound.settings().clone();
+        let pose = |field: &str, value: Value| {
+            let mut message = camera_at(1.0, 1, "end");
+            message["pose"][field] = value;
+            message
+        };
+        let messages = [
+            (pose("eye", json!([0, 0, 1e300])), "pose.eye"),
+            (pose("eye", json!([0, 0, 0])), "pose: eye and target"),
+            (pose("up", json!([0, 0, 0])), "pose.up"),
+            (pose("vfov_deg", json!(-1)), "pose.vfov_deg"),
+            (json!({"t": "view.set", "w": 0}), "w"),
+            (json!({"t": "view.set", "fps": 0}), "fps"),
+            (json!({"t": "view.set", "codec": "webp"}), "codec"),
+            (json!({"t": "view.set", "technique": "warp"}), "technique"),
+            (json!({"t": "view.set", "exposure": 1e300}), "exposure"),
+            (json!({"t": "pick", "x": 1.5, "y": 0.5}), "x"),
+            (json!({"t": "inspect", "x": 0.5, "y": -0.1}), "y"),
+            (json!({"t": "still", "view": 1}), "view"),
+        ];
+        // One message a second, so that the rate does not matter.
+        for ((message, field), second) in messages.into_iter().zip(1..) {
+            let now = Duration::from_secs(second);
+            let refusal = refusal(receive(&mut inbound, &message, now));
+            assert!(refusal.detail.starts_with(field), "{message}: {refusal:?}");
+        }
+        assert_eq!((inbound.settings(), inbound.last_seq()), (&before, 0));
+    }
+
+    #[test]
+    fn inputs_and_messages_have_rates() {
+        let mut inbound = inbound();
+        for seq in 1..=10 {
+            receive(&mut inbound, &camera_at(1.0, seq, "move"), START);
+        }
+        assert_eq!(
+            close_reason(receive(&mut inbound, &camera_at(1.0, 11, "end"), START)),
+            CloseReason::TooManyInputs.to_string()
+        );
+        let later = Duration::from_millis(100);
+        assert!(matches!(receive(&mut inbound, &camera_at(1.0, 12, "end"), later).effect, Effect::Moved));
+        // Acknowledgements are no inputs, but they are messages.
+        let ack = json!({"t": "ack", "seq": 1});
+        let mut inbound = self::inbound();
+        for _ in 0..40 {
+            assert!(matches!(receive(&mut inbound, &ack, START).effect, Effect::Acked(_)));
+        }
+        assert_eq!(close_reason(receive(&mut inbound, &ack, START)), CloseReason::TooManyMessages.to_string());
+        assert_eq!(
+            close_reason(inbound.receive(&Message::Ping(Vec::new().into()), START)),
+            CloseReason::TooManyMessages.to_string()
+        );
+    }
+
+    #[test]
+    fn what_is_not_understood_is_answered_until_it_is_too_much() {
+        let mut inbound = inbound();
+        let dance = receive(&mut inbound, &json!({"t": "dance", "id": 3}), START);
+        assert_eq!((dance.id, refusal(dance).code), (Some(3), "unsupported"));
+        let short = receive(&mut inbound, &json!({"t": "pick", "id": 4}), START);
+        assert_eq!((short.id, refusal(short).code), (Some(4), "invalid_message"));
+        let hello = json!({"t": "hello", "v": [1], "caps": {"codecs": ["png"]}});
+        assert_eq!(refusal(receive(&mut inbound, &hello, START)).code, "unexpected");
+        for _ in 1..MAX_MALFORMED {
+            assert_eq!(refusal(inbound.receive(&Message::text("{"), START)).code, "malformed");
+        }
+        assert_eq!(
+            close_reason(inbound.receive(&Message::text("{"), START)),
+            CloseReason::RepeatedlyMalformed.to_string()
+        );
+        assert_eq!(
+            close_reason(inbound.receive(&Message::binary(vec![1]), START)),
+            CloseReason::BinaryMessage.to_string()
+        );
+    }
+
+    #[test]
+    fn requests_become_effects() {
+        let mut inbound = inbound();
+        let mut effect = |message: Value| receive(&mut inbound, &message, START).effect;
+        assert!(matches!(effect(json!({"t": "view.set", "w": 64, "h": 48})), Effect::ViewChanged));
+        assert!(matches!(effect(json!({"t": "still"})), Effect::StillWanted));
+        let pick = effect(json!({"t": "pick", "x": 0.25, "y": 1}));
+        assert!(matches!(pick, Effect::PointAsked(PointQuestion::Pick, [0.25, 1.0])), "{pick:?}");
+        let inspect = effect(json!({"t": "inspect", "x": 0, "y": 0.5}));
+        assert!(matches!(inspect, Effect::PointAsked(PointQuestion::Inspect, [0.0, 0.5])), "{inspect:?}");
+        assert!(matches!(effect(json!({"t": "ping", "ts": 2.5})), Effect::Pinged { ts: 2.5 }));
+        assert!(matches!(effect(json!({"t": "pong", "ts": 1})), Effect::Nothing));
+        assert_eq!(inbound.settings().size, [64, 48]);
     }
 }

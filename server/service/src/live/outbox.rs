@@ -1,17 +1,18 @@
 //! What goes out on one WebSocket: two bounded queues and one task that owns the sending half.
 //!
-//! Control messages are few and must all arrive: a client that lets them pile up is disconnected. Frames have a queue of
-//! one: nothing is encoded while it is taken. A message that makes no progress at all for the stall time ends the
-//! connection; the socket is not used again, because a half-sent message cannot be taken back.
+//! Control messages are few and must all arrive: a client that lets them pile up is disconnected. The queue of frames
+//! holds one, and nothing is encoded while it is full. A message that makes no progress at all for the stall time ends
+//! the connection; the socket is not used again, because a half-sent message cannot be taken back.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket};
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;
+use surfelcast_protocol::frame::{FrameHeader, HEADER_BYTES};
 use surfelcast_protocol::server::ServerMessage;
 use tokio::sync::{mpsc, oneshot};
 
@@ -29,11 +30,28 @@ pub(crate) struct Overflow {
 #[derive(Debug)]
 pub(crate) struct Outbox {
     control: mpsc::Sender<Utf8Bytes>,
-    frames: mpsc::Sender<Bytes>,
+    frames: mpsc::Sender<OutgoingFrame>,
     waiting_bytes: Arc<AtomicUsize>,
     bounds: Bounds,
     close: oneshot::Sender<CloseFrame>,
     task: tokio::task::JoinHandle<()>,
+}
+
+/// A frame for one socket: the header is the socket's own, the payload is shared with others that show the view.
+#[derive(Debug)]
+struct OutgoingFrame {
+    header: [u8; HEADER_BYTES],
+    payload: Bytes,
+}
+
+impl OutgoingFrame {
+    /// Header and payload in one message. The copy of the payload lives only while it is sent.
+    fn message(&self) -> Bytes {
+        let mut message = BytesMut::with_capacity(HEADER_BYTES + self.payload.len());
+        message.extend_from_slice(&self.header);
+        message.extend_from_slice(&self.payload);
+        message.freeze()
+    }
 }
 
 /// How the writer tells slow from stuck.
@@ -98,8 +116,8 @@ impl Outbox {
     }
 
     /// Queues a frame; callers check [`Outbox::has_frame_room`].
-    pub(crate) fn frame(&self, frame: Bytes) -> Result<(), Overflow> {
-        match self.frames.try_send(frame) {
+    pub(crate) fn frame(&self, header: &FrameHeader, payload: Bytes) -> Result<(), Overflow> {
+        match self.frames.try_send(OutgoingFrame { header: header.encode(), payload }) {
             Err(mpsc::error::TrySendError::Full(_)) => Err(Overflow { what: "frames", limit: 1 }),
             Ok(()) | Err(mpsc::error::TrySendError::Closed(_)) => Ok(()),
         }
@@ -127,7 +145,7 @@ impl Outbox {
 struct Writer {
     sink: SplitSink<WebSocket, Message>,
     control: mpsc::Receiver<Utf8Bytes>,
-    frames: mpsc::Receiver<Bytes>,
+    frames: mpsc::Receiver<OutgoingFrame>,
     waiting_bytes: Arc<AtomicUsize>,
     progress: Progress,
 }
@@ -139,7 +157,7 @@ impl Writer {
                 biased;
                 // Frames first, so that what is said about a frame comes after it. Their queue of one cannot starve
                 // the other.
-                Some(frame) = self.frames.recv() => (Message::Binary(frame), 0),
+                Some(frame) = self.frames.recv() => (Message::Binary(frame.message()), 0),
                 Some(text) = self.control.recv() => { let bytes = text.len(); (Message::Text(text), bytes) }
                 close = &mut closing => {
                     if let Ok(frame) = close {

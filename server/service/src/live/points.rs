@@ -1,13 +1,15 @@
-//! Questions about a point of the picture that the client sees: what is there, and what lights it.
+//! Questions about a point of the frame that the client sees: what is there, and what lights it.
 
 use surfelcast_protocol::inspection::{Contribution, Inspection};
 use surfelcast_protocol::server::ServerMessage;
 use surfelcast_renderer::{RendererError, RendererHandle, SessionKey};
+use tokio::sync::mpsc;
 
-use crate::live::connection::{Connection, POINT_QUESTIONS};
-use crate::live::inbound::{Refusal, check_view, invalid};
-use crate::live::outbound::AckedView;
-use crate::validate::within;
+use crate::live::refusal::Refusal;
+use crate::live::sent_log::AckedView;
+
+/// Points that the renderer may look at for one client at a time.
+const MAX_IN_FLIGHT: usize = 4;
 
 /// What is asked about a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,38 +60,61 @@ impl PointQuestion {
     }
 }
 
-impl Connection {
-    /// Asks the renderer; the answer follows when it has looked. Answers that wait are bounded.
-    pub(crate) fn on_point(
+/// The questions of one client that the renderer has not answered yet.
+#[derive(Debug)]
+pub(crate) struct PointQuestions {
+    handle: RendererHandle,
+    session: SessionKey,
+    in_flight: usize,
+    sender: mpsc::Sender<ServerMessage>,
+    answers: mpsc::Receiver<ServerMessage>,
+}
+
+impl PointQuestions {
+    pub(crate) fn new(handle: RendererHandle, session: SessionKey) -> Self {
+        let (sender, answers) = mpsc::channel(MAX_IN_FLIGHT);
+        Self { handle, session, in_flight: 0, sender, answers }
+    }
+
+    /// Asks the renderer about a point of the frame that the client sees; the answer follows when the renderer has
+    /// looked. Answers that are outstanding are bounded.
+    pub(crate) fn ask(
         &mut self,
         question: PointQuestion,
-        id: Option<u64>,
-        view: u16,
+        view: Option<AckedView>,
         point: [f32; 2],
+        re: Option<u64>,
     ) -> Result<(), Refusal> {
         let name = question.name();
-        check_view(view)?;
-        within("x", point[0], 0.0, 1.0).map_err(invalid)?;
-        within("y", point[1], 0.0, 1.0).map_err(invalid)?;
-        let Some(view) = self.outbound.acked_view() else {
+        let Some(view) = view else {
             let detail = format!("{name}: no frame was acknowledged yet, so there is no picture to point into");
-            return Err(Refusal { code: "no_frame", detail });
+            return Err(Refusal::no_frame(detail));
         };
-        if self.inbound.points_in_flight >= POINT_QUESTIONS {
-            let detail = format!("{name}: {POINT_QUESTIONS} points are being looked at already; wait for an answer");
-            return Err(Refusal { code: "busy", detail });
+        if self.in_flight >= MAX_IN_FLIGHT {
+            let detail = format!("{name}: {MAX_IN_FLIGHT} points are being looked at already; wait for an answer");
+            return Err(Refusal::busy(detail));
         }
-        let Some(late) = self.inbound.late.clone() else { return Ok(()) };
-        self.inbound.points_in_flight += 1;
-        let handle = self.state.handle().clone();
-        let session = self.member.live.key;
+        self.in_flight += 1;
+        let (handle, session, sender) = (self.handle.clone(), self.session, self.sender.clone());
         drop(tokio::spawn(async move {
-            let answer = question.ask(&handle, session, view, point, id).await;
-            let message = answer.unwrap_or_else(|error| question.failed(id, &error.to_string()));
+            let answer = question.ask(&handle, session, view, point, re).await;
+            let message = answer.unwrap_or_else(|error| question.failed(re, &error.to_string()));
             // The connection may be gone by now.
-            let _ = late.send(message).await;
+            let _ = sender.send(message).await;
         }));
         Ok(())
+    }
+
+    /// Waits for the next answer. Cancel-safe.
+    pub(crate) async fn answer(&mut self) -> ServerMessage {
+        match self.answers.recv().await {
+            Some(message) => {
+                self.in_flight = self.in_flight.saturating_sub(1);
+                message
+            }
+            // A sender is kept, so that the channel stays open.
+            None => std::future::pending().await,
+        }
     }
 }
 

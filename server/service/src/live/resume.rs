@@ -1,22 +1,22 @@
-//! Resume tokens: a connection that broke takes up its view where it stood.
+//! Resume tokens: a client whose connection broke takes up its view where it stood.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 use std::time::Duration;
 
 use parking_lot::Mutex;
+use tokio::sync::watch;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::live::wishes::Wishes;
+use crate::live::view_settings::ViewSettings;
 
 /// What a token stands for.
 #[derive(Clone, Debug)]
 pub(crate) struct Resumable {
     /// Session it belongs to.
     pub(crate) session: String,
-    /// The view, kept up to date by its connection.
-    pub(crate) wishes: Arc<Mutex<Wishes>>,
+    /// Settings of the view, kept up to date by its connection.
+    pub(crate) settings: watch::Receiver<ViewSettings>,
     /// Cancelled when a newer connection takes over.
     pub(crate) superseded: CancellationToken,
 }
@@ -38,7 +38,7 @@ pub(crate) struct ResumeTokens {
     least_interval: Duration,
 }
 
-/// The connection that a token is from began only just now.
+/// The connection that the token belongs to began less than the least interval ago.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TooSoon;
 
@@ -74,9 +74,9 @@ impl ResumeTokens {
         }
     }
 
-    /// Uses a token up, and tells the connection it came from, if that is still there, that it is superseded. A token
-    /// shown too soon stays good. The interval counts from the beginning of the earlier connection, not from its end:
-    /// the server may notice the end of a broken one long after its client did.
+    /// Consumes a token, and tells the connection that it belongs to, if that is still open, that it is superseded. A
+    /// token shown too soon stays valid. The interval counts from the beginning of the earlier connection, not from its
+    /// end: the server may notice the end of a broken one long after its client did.
     pub(crate) fn take(&self, token: &str, session: &str) -> Result<Option<Resumable>, TooSoon> {
         let mut entries = self.entries.lock();
         self.sweep(&mut entries);
@@ -102,7 +102,8 @@ mod tests {
     use super::*;
 
     fn view(session: &str) -> Resumable {
-        Resumable { session: session.into(), wishes: Arc::default(), superseded: CancellationToken::new() }
+        let settings = watch::Sender::new(ViewSettings::default()).subscribe();
+        Resumable { session: session.into(), settings, superseded: CancellationToken::new() }
     }
 
     #[tokio::test(start_paused = true)]

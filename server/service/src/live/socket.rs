@@ -12,14 +12,14 @@ use futures_util::StreamExt;
 use futures_util::stream::SplitStream;
 use surfelcast_protocol::client::{ClientMessage, Hello};
 use surfelcast_protocol::parse::parse_client;
-use surfelcast_protocol::{SUBPROTOCOL, VERSION, close};
-use surfelcast_renderer::RendererError;
+use surfelcast_protocol::{SUBPROTOCOL, VERSION};
 
 use crate::http::connection_info::ConnectionInfo;
 use crate::http::problem::ApiError;
-use crate::live::connection::{Connection, Ending};
+use crate::live::close::CloseReason;
+use crate::live::connection::Connection;
 use crate::live::outbox::{Outbox, Progress};
-use crate::sessions::JoinError;
+use crate::sessions::Member;
 use crate::state::ServiceState;
 
 /// Bytes of a picture in the socket's own buffer, a pixel; lossless pictures of noise stay below.
@@ -72,24 +72,37 @@ pub(crate) async fn stream(
 async fn serve(state: ServiceState, session: String, socket: WebSocket, progress: Progress) {
     let (sink, mut stream) = socket.split();
     let outbox = Outbox::start(sink, state.config().bounds, progress);
-    let (outbox, ending) = match introduce(&state, &session, &mut stream).await {
-        Ok((hello, member)) => match Connection::open(state, member, hello, outbox).await {
-            Ok(connection) => connection.run(&mut stream).await,
-            Err((outbox, ending)) => (outbox, ending),
-        },
-        Err(ending) => (outbox, ending),
-    };
-    match ending {
-        Ending::Close(code, reason) => {
-            tracing::debug!(code, reason, "closing");
-            metrics::counter!("surfelcast_closes_total", "code" => code.to_string()).increment(1);
-            outbox.close(code, &reason).await;
-            // What the client still sends is read and dropped, lest the kernel resets the connection and with it the
-            // close message on its way.
-            let drained = async { while let Some(Ok(_)) = stream.next().await {} };
-            let _ = tokio::time::timeout(CLOSE_PATIENCE, drained).await;
+    let reason = converse(state, &session, &mut stream, &outbox).await;
+    let Some(code) = reason.code() else {
+        if let CloseReason::Overflow(overflow) = reason {
+            tracing::debug!(%overflow, "disconnecting");
+            metrics::counter!("surfelcast_closes_total", "code" => "overflow").increment(1);
         }
-        Ending::Gone => outbox.abort(),
+        return outbox.abort();
+    };
+    tracing::debug!(code, %reason, "closing");
+    metrics::counter!("surfelcast_closes_total", "code" => code.to_string()).increment(1);
+    outbox.close(code, &reason.to_string()).await;
+    // What the client still sends is read and dropped, lest the kernel resets the connection and with it the close
+    // message on its way.
+    let drained = async { while let Some(Ok(_)) = stream.next().await {} };
+    let _ = tokio::time::timeout(CLOSE_PATIENCE, drained).await;
+}
+
+/// From `hello` to the end of the connection.
+async fn converse(
+    state: ServiceState,
+    session: &str,
+    stream: &mut SplitStream<WebSocket>,
+    outbox: &Outbox,
+) -> CloseReason {
+    let opened = match introduce(&state, session, stream).await {
+        Ok((hello, member)) => Connection::open(state, member, hello, outbox).await,
+        Err(reason) => Err(reason),
+    };
+    match opened {
+        Ok(connection) => connection.run(stream).await,
+        Err(reason) => reason,
     }
 }
 
@@ -98,59 +111,32 @@ async fn introduce(
     state: &ServiceState,
     session: &str,
     stream: &mut SplitStream<WebSocket>,
-) -> Result<(Hello, crate::sessions::Member), Ending> {
+) -> Result<(Hello, Member), CloseReason> {
     let limits = state.config().limits;
     let deadline = Duration::from_millis(u64::from(limits.hello_timeout_ms));
     let first = tokio::select! {
         first = tokio::time::timeout(deadline, stream.next()) => first,
-        () = state.draining().cancelled() => {
-            return Err(Ending::close(close::RESTART, "the server is stopping; come back"));
-        }
+        () = state.draining().cancelled() => return Err(CloseReason::Stopping),
     };
     let text = match first {
-        Err(_) => return Err(Ending::close(close::TOO_SLOW, "hello: did not come in time")),
+        Err(_) => return Err(CloseReason::HelloTimeout),
         Ok(Some(Ok(Message::Text(text)))) => text,
-        Ok(Some(Ok(Message::Close(_))) | None) => return Err(Ending::Gone),
-        Ok(Some(Ok(_))) => return Err(Ending::close(close::MALFORMED, "hello: must be the first message")),
-        Ok(Some(Err(error))) => return Err(Ending::of_socket_error(&error)),
+        Ok(Some(Ok(Message::Close(_))) | None) => return Err(CloseReason::Gone),
+        Ok(Some(Ok(_))) => return Err(CloseReason::HelloNotFirst),
+        Ok(Some(Err(error))) => return Err(CloseReason::of_socket_error(&error)),
     };
     if text.len() > limits.hello_bytes as usize {
-        return Err(Ending::close(close::TOO_BIG, "hello: too long"));
+        return Err(CloseReason::HelloTooLong);
     }
-    let hello = match parse_client(&text) {
-        Ok(envelope) => match envelope.message {
-            ClientMessage::Hello(hello) => hello,
-            _ => return Err(Ending::close(close::MALFORMED, "hello: must be the first message")),
-        },
-        Err(error) => return Err(Ending::Close(close::MALFORMED, error.to_string())),
+    let ClientMessage::Hello(hello) = parse_client(&text).map_err(CloseReason::HelloMalformed)?.message else {
+        return Err(CloseReason::HelloNotFirst);
     };
     if !hello.v.contains(&VERSION) {
-        return Err(Ending::close(close::VERSION, "hello.v: this server speaks version 1"));
+        return Err(CloseReason::HelloVersion);
     }
     if hello.caps.codecs.is_empty() {
-        return Err(Ending::close(close::MALFORMED, "hello.caps.codecs: offer at least one of jpeg, webp, png"));
+        return Err(CloseReason::HelloCodecs);
     }
-    let member = state.sessions().join(state, session).await.map_err(|error| match error {
-        JoinError::Unknown => Ending::close(close::NO_SESSION, "no such session; GET /v1/scenes lists them"),
-        JoinError::Full(limit) => Ending::Close(close::TRY_LATER, format!("the session has {limit} views already")),
-        JoinError::Refused(error) => refused(&error),
-    })?;
+    let member = state.sessions().join(state, session).await?;
     Ok((hello, member))
-}
-
-/// The close code of an error that HTTP would answer with a problem.
-fn refused(error: &ApiError) -> Ending {
-    let code = match error.code() {
-        "gpu_memory" | "scene_too_large" | "unsupported" => close::NO_CAPACITY,
-        "not_found" => close::NO_SESSION,
-        _ => close::TRY_LATER,
-    };
-    Ending::Close(code, error.detail().to_owned())
-}
-
-impl Ending {
-    /// The end that a renderer's refusal means.
-    pub(crate) fn of_renderer(error: RendererError) -> Self {
-        refused(&ApiError::from(error))
-    }
 }

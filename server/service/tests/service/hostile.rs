@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use tokio::net::TcpSocket;
-use tokio_tungstenite::tungstenite::Message;
+use tungstenite::Message;
 
 use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Client, Got, Service};
@@ -43,8 +43,7 @@ async fn foreign_pages_cannot_connect() {
     let service = Service::start().await;
     for (name, value) in [("origin", "http://evil.example"), ("origin", "null"), ("host", "evil.example")] {
         let url = format!("ws://{}/v1/sessions/{}/stream", service.addr, service.session());
-        let mut request =
-            tokio_tungstenite::tungstenite::client::IntoClientRequest::into_client_request(url).expect("a URL");
+        let mut request = tungstenite::client::IntoClientRequest::into_client_request(url).expect("a URL");
         request.headers_mut().insert(name, value.parse().expect("a value"));
         let error = tokio_tungstenite::connect_async(request).await.expect_err("refused");
         assert!(error.to_string().contains("403"), "{name}: {value}: {error}");

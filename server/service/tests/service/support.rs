@@ -14,10 +14,10 @@ use surfelcast_protocol::frame::{FrameHeader, HEADER_BYTES};
 use surfelcast_renderer::scene::{LoadOptions, Scene, load_bytes};
 use surfelcast_service::{ServiceConfig, ServiceState, router, run};
 use tokio::net::{TcpListener, TcpStream};
-use tokio_tungstenite::tungstenite::{self, Message, client::IntoClientRequest};
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
+use tungstenite::{Message, client::IntoClientRequest};
 
 use crate::fake::{Fake, FakeBehaviour};
 

@@ -1,4 +1,4 @@
-//! What a client wants to see: the part of a view that outlives its connection.
+//! Settings of a view: what a client wants to see. They outlive its connection.
 
 use surfelcast_protocol::client::ViewSet;
 use surfelcast_protocol::limits::Limits;
@@ -10,18 +10,18 @@ use surfelcast_stream::QualityLimits;
 use crate::live::outputs::live_by_name;
 use crate::validate::{Checked, EXPOSURE, view_size, within};
 
-/// Size of a view that has not said one.
+/// Size of a view whose client has not stated one.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
-/// Refinement ends at this tone-mapped RMSE unless the client says otherwise: just under one 8-bit step.
+/// Refinement ends at this tone-mapped RMSE unless the client sets another: just under one 8-bit step.
 const DEFAULT_MAX_ERROR: f32 = 0.003;
-/// Refinement ends at this many samples unless the client says otherwise.
+/// Refinement ends at this many samples a pixel unless the client sets another number.
 const DEFAULT_MAX_SAMPLES: u32 = 4096;
-/// Most samples a client may ask for.
+/// Largest number of samples a pixel that a client may set.
 const MAX_SAMPLES: u32 = 1 << 20;
 
 /// A view as its client wants it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Wishes {
+pub(crate) struct ViewSettings {
     pub(crate) camera: Camera,
     pub(crate) size: [u32; 2],
     pub(crate) exposure: f32,
@@ -35,7 +35,7 @@ pub(crate) struct Wishes {
     pub(crate) is_paused: bool,
 }
 
-impl Default for Wishes {
+impl Default for ViewSettings {
     fn default() -> Self {
         let camera = Camera {
             position: glam::DVec3::Z,
@@ -58,21 +58,21 @@ impl Default for Wishes {
     }
 }
 
-impl Wishes {
+impl ViewSettings {
     /// The scene's first camera, at a default size, with the default technique.
     pub(crate) fn of_scene(scene: &Scene, technique: &str, max_pixels: u64) -> Self {
-        let mut wishes = Self { technique: technique.to_owned(), ..Self::default() };
+        let mut settings = Self { technique: technique.to_owned(), ..Self::default() };
         if let Some(named) = scene.cameras.first() {
-            wishes.camera = named.camera;
-            wishes.exposure = scene.exposure_for(&named.name).clamp(EXPOSURE.0, EXPOSURE.1);
+            settings.camera = named.camera;
+            settings.exposure = scene.exposure_for(&named.name).clamp(EXPOSURE.0, EXPOSURE.1);
         }
-        while u64::from(wishes.size[0]) * u64::from(wishes.size[1]) > max_pixels.max(1) {
-            wishes.size = wishes.size.map(|side| (side / 2).max(1));
+        while u64::from(settings.size[0]) * u64::from(settings.size[1]) > max_pixels.max(1) {
+            settings.size = settings.size.map(|side| (side / 2).max(1));
         }
-        wishes
+        settings
     }
 
-    /// Applies what a client said, all of it or nothing.
+    /// Applies a client's changes, all of them or none.
     pub(crate) fn apply(
         &mut self,
         set: &ViewSet,
@@ -112,8 +112,8 @@ impl Wishes {
             }
             next.technique.clone_from(technique);
         }
-        if let Some(wish) = &set.aov {
-            next.aov = wish.as_deref().map(|name| live_by_name("aov", name)).transpose()?;
+        if let Some(output) = &set.aov {
+            next.aov = output.as_deref().map(|name| live_by_name("aov", name)).transpose()?;
         }
         if let Some(error) = set.max_error {
             next.max_error = within("max_error", error, f32::MIN_POSITIVE, 1.0)?;
@@ -125,7 +125,7 @@ impl Wishes {
         Ok(())
     }
 
-    /// What the renderer is told.
+    /// The state that the renderer works from.
     pub(crate) fn view_state(&self, is_moving: bool, scale: f32, frames_per_sec: f32, input_seq: u32) -> ViewState {
         ViewState {
             camera: self.camera,
@@ -148,27 +148,30 @@ impl Wishes {
 mod tests {
     use super::*;
 
-    fn apply(set: &ViewSet) -> Checked<Wishes> {
-        let mut wishes = Wishes::default();
-        wishes.apply(set, &Limits::default(), &["path"], &[Codec::Jpeg])?;
-        Ok(wishes)
+    fn apply(set: &ViewSet) -> Checked<ViewSettings> {
+        let mut settings = ViewSettings::default();
+        settings.apply(set, &Limits::default(), &["path"], &[Codec::Jpeg])?;
+        Ok(settings)
     }
 
     #[test]
     fn absent_fields_stay() {
         let set = ViewSet { w: Some(640), fps: Some(60), ..ViewSet::default() };
-        let wishes = apply(&set).expect("valid");
-        assert_eq!((wishes.size, wishes.quality.frames_per_sec), ([640, 720], 60));
-        assert_eq!(Wishes { size: DEFAULT_SIZE, quality: QualityLimits::default(), ..wishes }, Wishes::default());
+        let settings = apply(&set).expect("valid");
+        assert_eq!((settings.size, settings.quality.frames_per_sec), ([640, 720], 60));
+        assert_eq!(
+            ViewSettings { size: DEFAULT_SIZE, quality: QualityLimits::default(), ..settings },
+            ViewSettings::default()
+        );
     }
 
     #[test]
     fn outputs_come_and_go() {
-        let mut wishes = Wishes::default();
+        let mut settings = ViewSettings::default();
         let mut say = |aov: Option<Option<&str>>| {
             let set = ViewSet { aov: aov.map(|name| name.map(str::to_owned)), ..ViewSet::default() };
-            wishes.apply(&set, &Limits::default(), &["path"], &[]).expect("valid");
-            wishes.view_state(false, 1.0, 30.0, 0).aov
+            settings.apply(&set, &Limits::default(), &["path"], &[]).expect("valid");
+            settings.view_state(false, 1.0, 30.0, 0).aov
         };
         assert_eq!(say(None), None);
         assert_eq!(say(Some(Some("depth"))), Some(Aov::Depth));

@@ -1,0 +1,175 @@
+//! Why a connection ends, and the close code and text that its client gets.
+
+use std::error::Error as StdError;
+
+use surfelcast_protocol::close;
+use surfelcast_protocol::parse::ParseError;
+use surfelcast_renderer::RendererError;
+use tungstenite::error::CapacityError;
+
+use crate::http::problem::ApiError;
+use crate::live::outbox::Overflow;
+use crate::sessions::JoinError;
+
+/// How a connection ends. The text of a variant is the reason in the close message.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CloseReason {
+    // The introduction was refused.
+    #[error("hello: did not come in time")]
+    HelloTimeout,
+    #[error("hello: must be the first message")]
+    HelloNotFirst,
+    #[error("hello: too long")]
+    HelloTooLong,
+    #[error("{0}")]
+    HelloMalformed(ParseError),
+    #[error("hello.v: this server speaks version 1")]
+    HelloVersion,
+    #[error("hello.caps.codecs: offer at least one of jpeg, webp, png")]
+    HelloCodecs,
+    #[error("hello.resume: come back {least_ms} ms after the last connection began, not before")]
+    ResumedTooSoon { least_ms: u128 },
+    #[error("no such session; GET /v1/scenes lists them")]
+    NoSession,
+    #[error("the session has {0} views already")]
+    SessionFull(u32),
+    // The client broke a rule.
+    #[error("message: over the size limit in welcome.limits")]
+    MessageTooLong,
+    #[error("binary messages are the server's")]
+    BinaryMessage,
+    #[error("control message: repeatedly malformed")]
+    RepeatedlyMalformed,
+    #[error("messages: too many a second")]
+    TooManyMessages,
+    #[error("inputs: more a second than welcome.limits.inputs_per_sec")]
+    TooManyInputs,
+    #[error("ack: none came for too long")]
+    AckTimeout,
+    #[error("ping: no sign of life")]
+    PingTimeout,
+    // The view, its session or the server ends.
+    #[error("a newer connection resumed this view")]
+    Superseded,
+    #[error("the session ended: its scene was deleted")]
+    SessionEnded,
+    #[error("the view was closed by the renderer")]
+    ViewClosed,
+    #[error("the render device was lost and did not come back")]
+    DeviceLost,
+    #[error("{0}")]
+    Renderer(#[from] RendererError),
+    #[error("{}", .0.detail())]
+    Refused(ApiError),
+    #[error("the server is stopping; come back")]
+    Stopping,
+    #[error("the server failed; its log tells why")]
+    Internal,
+    // Without a close message.
+    /// The client does not read what it is sent, so it would not read a close message either.
+    #[error(transparent)]
+    Overflow(#[from] Overflow),
+    /// The socket is closed or broken.
+    #[error("the socket is gone")]
+    Gone,
+}
+
+impl CloseReason {
+    /// The close code; `None` where no close message is sent.
+    pub(crate) fn code(&self) -> Option<u16> {
+        Some(match self {
+            Self::HelloTimeout | Self::AckTimeout | Self::PingTimeout => close::TOO_SLOW,
+            Self::HelloTooLong | Self::MessageTooLong => close::TOO_BIG,
+            Self::HelloNotFirst
+            | Self::HelloMalformed(_)
+            | Self::HelloCodecs
+            | Self::BinaryMessage
+            | Self::RepeatedlyMalformed => close::MALFORMED,
+            Self::HelloVersion => close::VERSION,
+            Self::ResumedTooSoon { .. } | Self::TooManyMessages | Self::TooManyInputs => close::RATE,
+            Self::NoSession => close::NO_SESSION,
+            Self::SessionFull(_) | Self::Internal => close::TRY_LATER,
+            Self::Superseded => close::SUPERSEDED,
+            Self::SessionEnded | Self::ViewClosed => close::ENDED,
+            Self::DeviceLost => close::GPU_LOST,
+            Self::Renderer(error) => code_of_renderer(error),
+            Self::Refused(error) => code_of_problem(error),
+            Self::Stopping => close::RESTART,
+            Self::Overflow(_) | Self::Gone => return None,
+        })
+    }
+
+    /// The reason behind an error of the socket. A message over the size limit is told from a broken socket by type:
+    /// axum wraps the error of tungstenite, whose version must therefore be the one that axum uses.
+    pub(crate) fn of_socket_error(error: &axum::Error) -> Self {
+        let first: Option<&(dyn StdError + 'static)> = error.source();
+        let is_too_long = std::iter::successors(first, |&cause| cause.source()).any(|cause| {
+            matches!(cause.downcast_ref(), Some(tungstenite::Error::Capacity(CapacityError::MessageTooLong { .. })))
+        });
+        if is_too_long { Self::MessageTooLong } else { Self::Gone }
+    }
+}
+
+fn code_of_renderer(error: &RendererError) -> u16 {
+    match error {
+        RendererError::NoMemory { .. } | RendererError::SceneTooLarge { .. } | RendererError::Unsupported(_) => {
+            close::NO_CAPACITY
+        }
+        RendererError::Unknown(_) => close::NO_SESSION,
+        RendererError::Stopped | RendererError::Busy { .. } | RendererError::DeviceLost | RendererError::Canceled => {
+            close::TRY_LATER
+        }
+    }
+}
+
+/// The close code of an error that HTTP would answer with a problem.
+fn code_of_problem(error: &ApiError) -> u16 {
+    match error.code() {
+        "gpu_memory" | "scene_too_large" | "unsupported" => close::NO_CAPACITY,
+        "not_found" => close::NO_SESSION,
+        _ => close::TRY_LATER,
+    }
+}
+
+impl From<JoinError> for CloseReason {
+    fn from(error: JoinError) -> Self {
+        match error {
+            JoinError::Unknown => Self::NoSession,
+            JoinError::Full(limit) => Self::SessionFull(limit),
+            JoinError::Refused(error) => Self::Refused(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_over_the_limit_is_told_from_a_broken_socket() {
+        let too_long = tungstenite::Error::Capacity(CapacityError::MessageTooLong { size: 2, max_size: 1 });
+        let reason = CloseReason::of_socket_error(&axum::Error::new(too_long));
+        assert_eq!(reason.code(), Some(close::TOO_BIG));
+        let wrapped = axum::Error::new(axum::Error::new(tungstenite::Error::Capacity(CapacityError::MessageTooLong {
+            size: 2,
+            max_size: 1,
+        })));
+        assert_eq!(CloseReason::of_socket_error(&wrapped).code(), Some(close::TOO_BIG));
+        for broken in [tungstenite::Error::ConnectionClosed, CapacityError::TooManyHeaders.into()] {
+            assert_eq!(CloseReason::of_socket_error(&axum::Error::new(broken)).code(), None);
+        }
+    }
+
+    #[test]
+    fn refusals_of_the_renderer_have_codes() {
+        for (error, code) in [
+            (RendererError::NoMemory { needed: 2, free: 1 }, close::NO_CAPACITY),
+            (RendererError::Unsupported("no".into()), close::NO_CAPACITY),
+            (RendererError::Unknown("session"), close::NO_SESSION),
+            (RendererError::Busy { what: "commands", limit: 1 }, close::TRY_LATER),
+            (RendererError::DeviceLost, close::TRY_LATER),
+        ] {
+            assert_eq!(CloseReason::from(error.clone()).code(), Some(code), "{error}");
+        }
+    }
+}
