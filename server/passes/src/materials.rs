@@ -1,11 +1,3 @@
-//! Material models.
+//! How surfaces scatter, as requests state it.
 
-/// How surfaces scatter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum MaterialMode {
-    /// glTF metallic-roughness with its extensions.
-    #[default]
-    Pbr,
-    /// Two-sided Lambertian of the base colour.
-    Lambert,
-}
+pub use surfelcast_render_api::MaterialMode;
