@@ -12,6 +12,8 @@
     reason = "a test may stop at the first surprise and talk to its terminal"
 )]
 
+#[path = "../fuzz/fuzz_targets/body/mod.rs"]
+mod fuzz;
 mod support;
 
 use std::path::Path;
@@ -22,7 +24,7 @@ use proptest::sample::Index;
 use proptest::test_runner::{Config, FileFailurePersistence, TestRunner};
 use serde_json::{Value, json};
 use surfelcast_scene::view::AnimationRef;
-use surfelcast_scene::{Instant, LoadOptions, SceneLimits, glb, load_bytes};
+use surfelcast_scene::{Instant, LoadOptions, glb, load_bytes};
 
 /// One change to a file.
 #[derive(Clone, Debug)]
@@ -191,20 +193,7 @@ fn seeds() -> &'static [Seed] {
 }
 
 fn options() -> LoadOptions {
-    let limits = SceneLimits {
-        max_file_bytes: 1 << 20,
-        max_json_bytes: 1 << 20,
-        max_vertices: 20_000,
-        max_triangles: 20_000,
-        max_nodes: 1000,
-        max_node_depth: 32,
-        max_instances: 1000,
-        max_materials: 100,
-        max_image_side: 512,
-        max_texel_bytes: 4 << 20,
-        max_punctual_lights: 100,
-        max_environment_pixels: 1 << 16,
-    };
+    let limits = fuzz::limits();
     let instant = Instant { animation: AnimationRef::Index(0), time_secs: 0.7 };
     LoadOptions { limits, instant: Some(instant), ..LoadOptions::default() }
 }
@@ -269,4 +258,30 @@ fn mutated_files_never_panic() {
     println!("{} loaded, {} refused in {seconds:.1} s; peak {peak:?} bytes", loaded.get(), refused.get());
     assert!(loaded.get() > cases / 20 && refused.get() > cases / 20, "the mutations test one side only");
     assert!(peak.is_none_or(|bytes| bytes < 512 << 20), "peak memory {peak:?}");
+}
+
+/// The fuzz target itself, without the fuzzer: its seeds, and bytes changed and cut at random.
+#[test]
+fn the_fuzz_target_survives_mutated_bytes() {
+    let view = br#"{"cameras": [{"name": "a", "eye": [0, 1, 2], "target": [0, 0, 0], "vfov_deg": 40}], "exposure": 2}"#;
+    let environment = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x10\x20\x30\x81";
+    let inputs = [support::everything(), view.to_vec(), environment.to_vec()];
+    inputs.iter().for_each(|bytes| fuzz::load(bytes));
+    let config = Config { cases: 2000, failure_persistence: None, ..Config::default() };
+    let change = (any::<Index>(), any::<u8>());
+    let strategy = (any::<Index>(), prop::collection::vec(change, 1..8), any::<Option<Index>>());
+    TestRunner::new(config)
+        .run(&strategy, |(input, changes, cut)| {
+            let mut bytes = input.get(&inputs).clone();
+            for (at, byte) in changes {
+                let at = at.index(bytes.len());
+                bytes[at] = byte;
+            }
+            if let Some(cut) = cut {
+                bytes.truncate(cut.index(bytes.len() + 1));
+            }
+            fuzz::load(&bytes);
+            Ok(())
+        })
+        .unwrap();
 }
