@@ -1,63 +1,93 @@
 #!/usr/bin/env bash
-# Runs every suite, goes on after a failure so that one run tells everything, and closes with one line: `N passed, N failed`.
-# A step that is not itself a count of tests (format, lints, a build) counts only when it fails.
+# Runs every suite. Continues after a failure, so that one run reports everything, and ends with one line:
+# `N passed, N failed, N skipped`. A step that is not a suite (format, lints, a build) counts only when it fails.
+#
+# A test that lacks what it compares with, such as the reference images, prints `skipped: REASON` and returns. It is
+# counted as skipped, so that a run without references differs from one with them.
 #
 # Output goes to the terminal and to target/test-logs/<step>.log; the closing line also to target/test-logs/total.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-logs=${CARGO_TARGET_DIR:-target}/test-logs
-rm -rf "$logs"
+target=${CARGO_TARGET_DIR:-target}
+logs=$target/test-logs
+junit=$target/nextest/default/junit.xml
+rm -rf "$logs" "$junit"
 mkdir -p "$logs"
 passed=0
 failed=0
+skipped=0
 summary=()
 
-# step NAME FOLDER COMMAND...: runs it, keeps its output, adds up what it counted.
+# Each of these reads the log of a step and prints "passed failed skipped".
+count_none() { echo 0 0 0; }
+
+# nextest writes a report (.config/nextest.toml): totals in the root element, the output of every test in its own.
+count_junit() {
+  [ -s "$junit" ] || { echo 0 0 0; return; }
+  awk '
+    function value(name) {
+      return match($0, " " name "=\"[0-9]+\"") ? substr($0, RSTART + length(name) + 3) + 0 : 0
+    }
+    /<testsuites / { tests = value("tests"); failed = value("failures") + value("errors") }
+    /<testcase / { is_counted = 0 }
+    /(^|>)skipped: / && !is_counted { is_counted = 1; skipped++ }
+    END { print tests - failed - skipped, failed + 0, skipped + 0 }' "$junit"
+}
+
+# cargo test: "test result: ok. 12 passed; 0 failed; ...", and the output of each test after "---- NAME stdout ----".
+count_cargo() {
+  awk '
+    /^test result: / { passed += $4; failed += $6 }
+    /^---- / { is_counted = 0 }
+    /^skipped: / && !is_counted { is_counted = 1; skipped++ }
+    END { print passed - skipped, failed + 0, skipped + 0 }' "$1"
+}
+
+# node: "# pass 12" (or with an information sign), "# fail 0", "# cancelled 0", "# skipped 0".
+count_node() {
+  awk '
+    /^(#|ℹ) pass [0-9]+$/ { passed += $3 }
+    /^(#|ℹ) (fail|cancelled) [0-9]+$/ { failed += $3 }
+    /^(#|ℹ) skipped [0-9]+$/ { skipped += $3 }
+    END { print passed + 0, failed + 0, skipped + 0 }' "$1"
+}
+
+# step NAME FOLDER COUNT COMMAND...: runs it, keeps its output, adds what count_COUNT finds in it.
 step() {
-  local name=$1 folder=$2
-  shift 2
+  local name=$1 folder=$2 count=$3
+  shift 3
   local log=$logs/$name.log started=$SECONDS
   printf '\n== %s: %s\n' "$name" "$*"
   (cd "$folder" && "$@") 2>&1 | tee "$log"
-  local status=${PIPESTATUS[0]}
-  # nextest: "Summary [ 9.1s] 40 tests run: 38 passed (1 slow), 1 failed, 1 timed out, 0 skipped"
-  # cargo test: "test result: ok. 12 passed; 0 failed; ..."; node: "# pass 12" (or with an information sign) and "# fail 0".
-  local counts
-  counts=$(sed 's/\x1b\[[0-9;]*m//g' "$log" | awk '
-    function number_before(word,   at) {
-      at = match($0, "[0-9]+ " word)
-      return at ? substr($0, RSTART, RLENGTH) + 0 : 0
-    }
-    /^ *Summary \[/ { p += number_before("passed"); f += number_before("failed") + number_before("timed out") + number_before("exec failed") }
-    /^test result: / { p += number_before("passed"); f += number_before("failed") }
-    /^(#|ℹ) pass [0-9]+$/ { p += $3 }
-    /^(#|ℹ) (fail|cancelled) [0-9]+$/ { f += $3 }
-    END { print p + 0, f + 0 }')
-  local step_passed=${counts% *} step_failed=${counts#* }
-  # A step that fails without naming a failed test did not build, was killed or found a fault of another kind.
+  local status=${PIPESTATUS[0]} step_passed step_failed step_skipped
+  read -r step_passed step_failed step_skipped < <("count_$count" "$log")
+  # A step that fails without a failed test did not build, was killed or found a fault of another kind.
   if [ "$status" -ne 0 ] && [ "$step_failed" -eq 0 ]; then step_failed=1; fi
   passed=$((passed + step_passed))
   failed=$((failed + step_failed))
-  summary+=("$(printf '%-12s %4d s  %5d passed %4d failed  %s' "$name" $((SECONDS - started)) "$step_passed" "$step_failed" "$log")")
+  skipped=$((skipped + step_skipped))
+  summary+=("$(printf '%-12s %4d s  %5d passed %4d failed %4d skipped  %s' \
+    "$name" $((SECONDS - started)) "$step_passed" "$step_failed" "$step_skipped" "$log")")
   return "$status"
 }
 
-step format . cargo fmt --all --check
+step format . none cargo fmt --all --check
 # Programs and tests in one call: see the top of the Makefile.
-if step build . cargo build --release --locked --workspace --bins --tests; then
+if step build . none cargo build --release --locked --workspace --bins --tests; then
   if cargo nextest --version >/dev/null 2>&1; then
-    step rust . cargo nextest run --release --locked --workspace --no-fail-fast
+    step rust . junit cargo nextest run --release --locked --workspace --no-fail-fast
   else
-    step rust . cargo test --release --locked --workspace --no-fail-fast --lib --bins --tests
+    step rust . cargo cargo test --release --locked --workspace --no-fail-fast --lib --bins --tests -- --show-output
   fi
-  step client web-client npm test
-  step browser tests/browser npm test
+  step client web-client node npm test
+  step browser tests/browser node npm test
 fi
-step lints . cargo clippy --release --locked --workspace --all-targets -- --deny warnings
+step lints . none cargo clippy --release --locked --workspace --all-targets -- --deny warnings
+step docs . none env RUSTDOCFLAGS="--deny warnings" cargo doc --release --locked --workspace --no-deps
 
 printf '\n'
 printf '%s\n' "${summary[@]}"
-total="$passed passed, $failed failed"
+total="$passed passed, $failed failed, $skipped skipped"
 printf '%s\n' "$total" | tee "$logs/total"
 [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
