@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Makes a bare machine able to build, run and (with --tests) test surfelcast. Safe to run again: it looks first, and asks
-# the package manager only for what is missing.
+# Installs what a bare machine needs to build, run and (with --tests) test surfelcast. Safe to run again: it installs
+# only what is missing.
 #
 #   deploy/install-deps.sh            what `make serve` needs
 #   deploy/install-deps.sh --tests    also what `make test` needs: Node, Chromium, the npm packages
 #
-# Exit status: 0 everything is there, 2 something is missing and could not be installed (the message says what to do).
+# Exit status: 0 nothing is missing, 2 something is missing and could not be installed (the message says what to do).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -32,8 +32,8 @@ has() { command -v "$1" >/dev/null 2>&1; }
 # True when version $1 is at least $2.
 at_least() { [ "$(printf '%s\n%s\n' "$2" "$1" | sort -V | head -n 1)" = "$2" ]; }
 
-# A driver announces itself to the Vulkan loader by a JSON manifest. A machine that has any, a real GPU's above all, is
-# left alone; Mesa's software driver is only for machines with none.
+# A driver is registered with the Vulkan loader by a JSON manifest. A machine that has one, of a GPU above all, is left
+# alone; Mesa's software driver is only for machines without.
 vulkan_driver_present() {
   [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}${VK_ADD_DRIVER_FILES:-}" ] || return 0
   local folder
@@ -44,7 +44,7 @@ vulkan_driver_present() {
 }
 
 vulkan_loader_present() {
-  # ldconfig lives in sbin, which is not on every user's PATH.
+  # ldconfig is in sbin, which is not on every user's PATH.
   { PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null || true; } | grep -q 'libvulkan\.so\.1' && return 0
   compgen -G "/usr/lib*/libvulkan.so.1" >/dev/null || compgen -G "/usr/lib/*/libvulkan.so.1" >/dev/null
 }
@@ -74,7 +74,7 @@ vulkan_driver_present || need mesa-vulkan-drivers "a Vulkan driver: your GPU ven
 if [ "$for_tests" = yes ]; then
   find_chromium || need chromium "Chromium (or set CHROMIUM to its path): the browser tests drive it"
   if ! has node; then
-    # The distribution's own Node is taken only where it is new enough: Debian 12, for one, has 18.
+    # The distribution's Node is used only if it is new enough: Debian 12, for example, has 18.
     candidate=$({ apt-cache policy nodejs 2>/dev/null || true; } | sed -n 's/^ *Candidate: \([0-9.]*\).*/\1/p')
     if [ -n "$candidate" ] && ! at_least "$candidate" "$minimum_node"; then
       problems+=("Node $minimum_node or newer is missing (this system packages $candidate): https://nodejs.org/en/download")
@@ -102,7 +102,7 @@ if [ ${#packages[@]} -gt 0 ]; then
   else
     echo "Installing: ${packages[*]}"
     apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get --quiet --option=Dpkg::Use-Pty=0)
-    # A package list that cannot be renewed may still serve; the install below is what decides.
+    # A package list that cannot be updated may suffice; the installation below decides.
     "${apt[@]}" update || echo "apt-get update failed; trying with the lists at hand" >&2
     if ! "${apt[@]}" install --yes --no-install-recommends "${packages[@]}"; then
       problems+=("apt-get could not install: ${packages[*]} (its own message is above)")
@@ -110,7 +110,7 @@ if [ ${#packages[@]} -gt 0 ]; then
   fi
 fi
 
-# What `make test` needs besides: a Node that is new enough, and the packages its lock files name.
+# For `make test`: a Node that is new enough, and the packages of the lock files.
 if [ "$for_tests" = yes ] && has node; then
   node_version=$(node --version | tr -d v)
   at_least "$node_version" "$minimum_node" ||

@@ -166,7 +166,7 @@ fn a_layout_that_agrees_passes_and_one_that_does_not_is_named() {
     assert!(wrong.contains("binding `items`"), "{wrong}");
 }
 
-/// What wgpu validates with on every device the project asks for: the WebGPU core and compute subgroups.
+/// The capabilities of every device that the project supports: the WebGPU core and compute subgroups.
 fn capabilities() -> Capabilities {
     Capabilities::default() | Capabilities::SUBGROUP | Capabilities::SHADER_FLOAT16_IN_FLOAT32
 }

@@ -1,8 +1,9 @@
 /**
  * The JSON of every HTTP resource, refusals included, and the welcome of a stream, held against a golden record.
  *
- * What a device, a clock or chance decides is replaced by its type, so the record is the same on every machine. After an
- * intended change: `SURFELCAST_GOLDEN=record node --test resources.spec.js`, and the difference goes into the commit.
+ * What a device, a clock or chance decides is replaced by its type, so the record is the same on every machine. After
+ * an intended change: `SURFELCAST_GOLDEN=record node --test resources.spec.js`, and the difference goes into the
+ * commit.
  */
 
 import assert from 'node:assert/strict';
@@ -40,7 +41,7 @@ after(async () => {
   if (data) await rm(data, { recursive: true, force: true });
 });
 
-/** A value without what varies: numbers and texts of such fields by type, ids of renders by a word. */
+/** A value in which varying numbers and texts are replaced by their type, and ids of renders by a word. */
 function steady(value, key = '') {
   if (VARYING.has(key)) return value === null ? null : `<${Array.isArray(value) ? 'array' : typeof value}>`;
   if (Array.isArray(value)) return value.map((item) => steady(item));

@@ -1,7 +1,7 @@
-//! The finished program against reference images, from outside: `surfelcast render` and nothing else.
+//! The program against reference images, through `surfelcast render` only.
 //!
-//! Few samples suffice here: the gate compares with the noise that two seeds show, so a missing factor, a wrong density or
-//! a lost light stands out however noisy the picture is. `make bench-accuracy` does the same with many samples.
+//! Few samples suffice: the gate compares with the noise between two seeds, so a missing factor, a wrong density or a
+//! missing light is detected in a noisy image. `make bench-accuracy` does the same with many samples.
 #![allow(clippy::print_stdout, reason = "a test says what it measured, and why it skipped")]
 
 use std::path::{Path, PathBuf};
@@ -9,21 +9,21 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, ensure};
 use surfelcast_measure::{Mode, Picture, Point, Reference, Renderer, error_to_truth};
 
-/// Squared error over what noise explains. Chance alone stays well below this with ten thousand pixels.
+/// Squared error over the variance of the noise. With ten thousand pixels chance stays well below this.
 const RATIO_LIMIT: f64 = 1.15;
-/// Distance of the means in standard errors. Over thirty references, 3 would be passed by chance one time in twelve.
+/// Distance of the means in standard errors. Over thirty references, chance exceeds 3 one time in twelve.
 const BIAS_LIMIT: f64 = 4.0;
-/// Share by which a furnace's mean may miss its analytic colour.
+/// Largest relative error of the mean of a furnace.
 const FURNACE_LIMIT: f64 = 0.002;
-/// Share by which the audit may miss the measured error, on average over a group.
+/// Largest relative error of the audit, on average over a group.
 const AUDIT_LIMIT: f64 = 0.15;
 
-/// The folder of shared scenes and references, next to the repository or where `SURFELCAST_SHARED` says.
+/// The folder of shared scenes and references, next to the repository or named by `SURFELCAST_SHARED`.
 fn shared_folder() -> Option<PathBuf> {
     surfelcast_measure::shared_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
 }
 
-/// Measures every reference that `belongs`; `None` where there are no references.
+/// Measures every reference that `belongs`; `None` if there are no references.
 fn measure(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<Option<Vec<(Reference, Point)>>> {
     let Some(shared) = shared_folder() else {
         println!("skipped: no folder of references; set SURFELCAST_SHARED to one");
@@ -48,7 +48,7 @@ fn measure(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<Option<
     Ok(Some(measured))
 }
 
-/// Every reference of a group shows nothing but noise, and the audit's estimate of it is right.
+/// Every reference of a group differs by noise only, and the audit estimates it.
 fn check(samples: u32, belongs: impl Fn(&Reference) -> bool) -> Result<()> {
     let Some(measured) = measure(samples, belongs)? else { return Ok(()) };
     let mut faults = Vec::new();
@@ -123,8 +123,8 @@ fn metallic_roughness_matches_its_references() -> Result<()> {
     check(16, |reference| reference.mode == Mode::Pbr)
 }
 
-/// The cache's picture after 16 frames: within the error already that the gates allow a converged one. One seed says it: its
-/// noise is a part of what the gate allows.
+/// The image from the cache after 16 frames is within the error that the gates allow a converged one. One seed
+/// suffices: the limits include its noise.
 #[test]
 fn the_surfel_cache_matches_its_references() -> Result<()> {
     const LIMITS: [(&str, f64); 6] = [

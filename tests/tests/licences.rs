@@ -1,4 +1,4 @@
-//! Every dependency carries a licence that deny.toml allows. Needs neither cargo-deny nor a network.
+//! Every dependency has a licence that deny.toml allows. Needs neither cargo-deny nor a network.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +12,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests folder lies in the workspace")
 }
 
-/// The list under `[licenses] allow` of deny.toml, which is the one place where it is written.
+/// The list under `[licenses] allow` of deny.toml.
 fn allowed() -> Result<Vec<Licensee>> {
     let text = fs::read_to_string(root().join("deny.toml"))?;
     let table: toml::Table = text.parse().context("deny.toml is not TOML")?;
@@ -27,7 +27,7 @@ fn allowed() -> Result<Vec<Licensee>> {
         .collect()
 }
 
-/// Why a package's licence does not do, if so.
+/// Why the licence of a package is refused, if it is.
 fn fault(package: &Package, allowed: &[Licensee]) -> Option<String> {
     let name = format!("{} {}", package.name, package.version);
     let Some(licence) = &package.license else {
@@ -46,7 +46,7 @@ fn fault(package: &Package, allowed: &[Licensee]) -> Option<String> {
 #[test]
 fn every_dependency_has_an_allowed_licence() -> Result<()> {
     let allowed = allowed()?;
-    // Only what is compiled here: crates for other platforms need not have been fetched.
+    // Only crates that are compiled here: those for other platforms need not have been fetched.
     let host = format!("--filter-platform={}", host_target()?);
     let metadata = MetadataCommand::new()
         .manifest_path(root().join("Cargo.toml"))
@@ -66,7 +66,7 @@ fn every_dependency_has_an_allowed_licence() -> Result<()> {
     Ok(())
 }
 
-/// The platform that the compiler at hand builds for, such as `x86_64-unknown-linux-gnu`.
+/// The platform of the compiler, such as `x86_64-unknown-linux-gnu`.
 fn host_target() -> Result<String> {
     let output = std::process::Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
         .arg("-vV")

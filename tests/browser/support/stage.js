@@ -19,7 +19,9 @@ export function withBrowser() {
 
 /**
  * Opens the page, runs a test, and checks that the page logged no error.
- * @param {(stage: { page: import('playwright-core').Page, server: FakeServer, context: import('playwright-core').BrowserContext }) => Promise<void>} run
+ * @param {(stage: {
+ *   page: import('playwright-core').Page, server: FakeServer, context: import('playwright-core').BrowserContext
+ * }) => Promise<void>} run
  * @param {object} [options]
  * @param {import('playwright-core').BrowserContextOptions} [options.context]
  * @param {string} [options.path]

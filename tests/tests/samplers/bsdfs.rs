@@ -1,4 +1,5 @@
-//! Directions: chi-square of what the device draws against the twin's density, white furnaces, twin against device.
+//! Directions: chi-square of samples of the device against the density of the twin, white furnaces, twin against
+//! device.
 
 use std::f64::consts::PI;
 
@@ -20,7 +21,7 @@ use crate::statistics::{Suite, chi_square, mean_and_error};
 const COUNT: u32 = 1 << 17;
 /// Cells of a histogram over the sphere, in cos(theta) and phi.
 const CELLS: [usize; 2] = [24, 24];
-/// Points along each side of a cell at which the density is taken.
+/// Points along each side of a cell at which the density is evaluated.
 const FINENESS: usize = 48;
 
 mod records {
@@ -29,11 +30,11 @@ mod records {
         pub struct DrawUniforms {
             /// Viewer.
             pub wo: [f32; 3],
-            /// Draws.
+            /// Samples.
             pub count: u32,
             /// Base colour or tint.
             pub color: [f32; 3],
-            /// Which sampler.
+            /// Sampler.
             pub sampler_index: u32,
             /// 0 to 1.
             pub metallic: f32,
@@ -65,7 +66,7 @@ mod records {
             pub value: [f32; 3],
             /// Evaluated.
             pub evaluated_pdf: f32,
-            /// Drawn from.
+            /// Sampled lobe.
             pub random: [f32; 4],
         }
     }
@@ -104,7 +105,8 @@ fn direction(cos_theta: f32, phi: f32) -> Vec3 {
     Vec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta)
 }
 
-/// Cell of a direction. The first axis runs along `theta`, which lobes around the pole fill more evenly than its cosine.
+/// Cell of a direction. The first axis is `theta`, over which lobes around the pole spread more evenly than over its
+/// cosine.
 fn cell(w: Vec3) -> usize {
     let theta = f64::from(w.z.clamp(-1.0, 1.0)).acos() / PI;
     let phi = (f64::from(w.y).atan2(f64::from(w.x)) / (2.0 * PI) + 1.0).fract();
@@ -129,7 +131,7 @@ fn cell_probabilities(pdf: impl Fn(Vec3) -> f64) -> Vec<f64> {
     cells
 }
 
-/// p-value of directions against a density; draws that count as failed are one cell more.
+/// p-value of directions against a density; rejected samples are one more cell.
 fn p_value(drawn: &[Drawn], is_failed: impl Fn(&Drawn) -> bool, pdf: impl Fn(Vec3) -> f64) -> f64 {
     let probabilities = cell_probabilities(pdf);
     let mut observed = vec![0.0; probabilities.len() + 1];
@@ -269,7 +271,7 @@ fn points_fill_a_triangle_evenly() {
     suite.judge();
 }
 
-/// Relative difference, lenient where both are tiny.
+/// Relative difference, with an absolute tolerance for small values.
 fn differs(a: f32, b: f32, tolerance: f32) -> bool {
     (a - b).abs() > tolerance * a.abs().max(b.abs()) + 1e-5
 }
@@ -281,7 +283,7 @@ fn device_and_twin_agree_on_value_and_density() {
         let mut worst = 0;
         for draw in bench.draw(&u).iter().step_by(7) {
             let expected = twin(&u, Vec3::from_array(draw.direction));
-            // Refraction near the critical angle divides by what is left of a difference.
+            // Refraction near the critical angle divides by a difference with cancellation.
             let tolerance = 5e-3;
             if differs(draw.evaluated_pdf, expected.pdf_solid_angle, tolerance)
                 || (0..3).any(|channel| differs(draw.value[channel], expected.value[channel], tolerance))
@@ -341,7 +343,7 @@ fn smooth_boundaries_reflect_and_refract_by_fresnel_and_snell() {
             for draw in &drawn {
                 let wi = Vec3::from_array(draw.direction);
                 assert_eq!((draw.pdf, draw.evaluated_pdf), (0.0, 0.0), "discrete directions have no density");
-                // Tangential parts: mirrored, or bent by the ratio of the indices; a sheet does not bend.
+                // Tangential parts: mirrored, or scaled by the ratio of the indices; a sheet does not refract.
                 let bend = if wi.z > 0.0 || is_thin != 0 { 1.0 } else { ior };
                 assert!((wi.truncate() * bend + wo.truncate()).length() < 1e-5 && (wi.length() - 1.0).abs() < 1e-5);
                 let expected = if wi.z < 0.0 && is_thin == 0 { 1.0 / (ior * ior) } else { 1.0 };

@@ -1,4 +1,4 @@
-//! Running one test kernel over many items.
+//! Runs a test kernel over many items.
 
 use surfelcast_gpu::{Gpu, GpuOptions, Kernel, MemoryKind, PassBuilder};
 use surfelcast_shaders::layout::bytemuck::{self, Pod};

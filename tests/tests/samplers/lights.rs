@@ -1,5 +1,5 @@
-//! Next-event estimation on the device: its mean against integrals over the lights, its density against the density the
-//! other strategy of multiple importance sampling would state.
+//! Next-event estimation on the device: its mean against integrals over the lights, its density against the density
+//! that BSDF sampling uses for multiple importance sampling.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
@@ -23,9 +23,9 @@ mod records {
     surfelcast_shaders::gpu_structs! {
         /// As in the kernel.
         pub struct LightUniforms {
-            /// Point that is lit, scene space.
+            /// Shaded point, scene space.
             pub position: [f32; 3],
-            /// Draws.
+            /// Samples.
             pub count: u32,
             /// Part of the table.
             pub triangle_count: u32,
@@ -57,11 +57,11 @@ mod records {
             pub pdf: f32,
             /// Radiance over density.
             pub weight: [f32; 3],
-            /// Whether it counts.
+            /// Whether it is valid.
             pub is_valid: u32,
             /// Unit vector.
             pub direction: [f32; 3],
-            /// Density by the other way.
+            /// Density as of BSDF sampling.
             pub other_pdf: f32,
         }
     }
@@ -118,8 +118,8 @@ impl Bench {
     }
 }
 
-/// Three emitting triangles of unlike size and brightness facing a point at the origin from several sides, and one that
-/// faces away.
+/// Three emissive triangles of different size and radiance that face the origin from several sides, and one that faces
+/// away.
 fn emitters(glb: &mut GlbBuilder) {
     let lamps: [([[f32; 3]; 3], f32); 4] = [
         ([[-1.0, 2.0, -1.0], [1.0, 2.0, -1.0], [0.0, 2.2, 1.0]], 3.0),
@@ -159,7 +159,7 @@ fn some_punctual(glb: &mut GlbBuilder) {
             (json!({"type": "point", "intensity": 90.0, "range": 0.5}), json!({"translation": [0.0, 1.9, 0.0]})),
             (
                 json!({"type": "spot", "intensity": 20.0, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.9}}),
-                // Shines down its -Z: turned to look down, a little aside of the point.
+                // Shines along its -Z: rotated downwards, not quite at the point.
                 json!({"translation": [0.4, 1.8, 0.0], "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]}),
             ),
             (json!({"type": "directional", "intensity": 2.0}), json!({"rotation": [-0.5, 0.0, 0.0, 0.866_025_4]})),
@@ -200,7 +200,7 @@ fn triangle_irradiance(scene: &Scene, position: Vec3, normal: Vec3) -> f64 {
         let cell_area = face.length() * 0.5 / f64::from(STEPS * STEPS);
         for row in 0..STEPS {
             for column in 0..=2 * row {
-                // Centroids of a regular subdivision: upright and inverted cells take turns.
+                // Centroids of a regular subdivision: upright and inverted cells alternate.
                 let (up, k) = (column % 2 == 0, column / 2);
                 let (v, w) = if up { (1.0 / 3.0, 1.0 / 3.0) } else { (2.0 / 3.0, 2.0 / 3.0) };
                 let (i, j) = (f64::from(row - k) - if up { 0.0 } else { 1.0 } + v, f64::from(k) + w);
@@ -305,8 +305,8 @@ fn an_environment_image_gives_its_irradiance_and_its_density_is_what_is_drawn() 
     for normal in NORMALS {
         expect("environment", bench.irradiance(Vec3::ZERO, normal), environment_irradiance(&map, normal));
     }
-    // The density over a fine grid integrates to one. Inside a texel it goes with 1 / sin(theta), so that the mean of
-    // their product is the probability of the texel, which is then held against how often it was drawn.
+    // The density integrates to one on a fine grid. Inside a texel it is proportional to 1 / sin(theta), so the mean of
+    // their product is the probability of the texel, which is compared with the histogram.
     let (rows, columns) = (512, 1024);
     let grid = bench.draw(Vec3::ZERO, rows * columns, columns);
     let integral = grid.iter().map(|point| f64::from(point.pdf)).sum::<f64>() * 4.0 * PI / f64::from(rows * columns);
@@ -328,7 +328,7 @@ fn an_environment_image_gives_its_irradiance_and_its_density_is_what_is_drawn() 
     let drawn = bench.draw(Vec3::ZERO, COUNT, 0);
     let mut at_poles = 0;
     for draw in &drawn {
-        // Exactly at a pole the image has no area, and the density no value.
+        // At a pole the density is undefined.
         if draw.is_valid == 0 {
             at_poles += 1;
             continue;
@@ -354,7 +354,7 @@ fn all_kinds_together_add_up_and_both_strategies_state_one_density() {
     all.environment = environment();
     let Environment::Map(map) = all.environment.clone() else { unreachable!("built as an image") };
     let features = Features::EMISSIVE_TRIANGLES | Features::PUNCTUAL_LIGHTS | Features::ENVIRONMENT;
-    // The special variant and the general one draw the same.
+    // The specialised variant and the general one give the same samples.
     let drawn: Vec<Vec<DrawnLight>> = [features, features | Features::TEXTURES | Features::PBR]
         .map(|features| {
             let mut again = scene(|glb| {
@@ -373,7 +373,7 @@ fn all_kinds_together_add_up_and_both_strategies_state_one_density() {
     let bench = Bench::new(all, features);
     let position = place(&bench.scene, DVec3::ZERO);
     for normal in NORMALS {
-        // Each light alone, as if nothing stood before it: light sampling knows no shadows.
+        // Each light alone, without occluders: light sampling does not test visibility.
         let expected = triangle_irradiance(&bench.scene, position, normal)
             + punctual_irradiance(&bench.scene, position, normal)
             + environment_irradiance(&map, normal);
@@ -382,7 +382,7 @@ fn all_kinds_together_add_up_and_both_strategies_state_one_density() {
     let mut compared = [0; 2];
     for draw in bench.draw(position, COUNT, 0).iter().filter(|draw| draw.is_valid == 1 && draw.pdf > 0.0) {
         let is_far = Vec3::from_array(draw.to_light).length() > 3.9 * bench.buffers.radius;
-        // A triangle before the environment or before another triangle was found instead.
+        // A triangle in front of the environment or of another triangle was hit instead.
         if (draw.pdf - draw.other_pdf).abs() <= 2e-3 * draw.pdf {
             compared[usize::from(is_far)] += 1;
         } else {

@@ -1,5 +1,5 @@
-//! Samplers, BSDFs, light choice and ray traversal as the device runs them, against densities, closed forms and the CPU
-//! twins. Any device will do; seeds are fixed.
+//! Samplers, BSDFs, light sampling and ray traversal on the device, against densities, closed forms and the CPU twins.
+//! Any device; seeds are fixed.
 
 mod bsdfs;
 mod device;

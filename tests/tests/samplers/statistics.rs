@@ -76,7 +76,7 @@ pub(crate) fn chi_square(observed: &[f64], expected: &[f64]) -> f64 {
     if pooled_expected >= 5.0 {
         add(pooled_observed, pooled_expected);
     } else {
-        // Too few to judge by their number, but nothing may come where nothing can.
+        // Too few for the test, but a cell with probability 0 must stay empty.
         assert!(
             pooled_observed <= pooled_expected + 6.0 * (pooled_expected.sqrt() + 1.0),
             "{pooled_observed} in cells that expect {pooled_expected}"
@@ -85,8 +85,8 @@ pub(crate) fn chi_square(observed: &[f64], expected: &[f64]) -> f64 {
     chi_square_tail(statistic, cells.saturating_sub(1).max(1))
 }
 
-/// p-values of a suite of which the smallest is judged, so that the suite as a whole fails by chance once in a hundred
-/// runs with new seeds; with fixed seeds it always passes or always fails.
+/// p-values of a suite, of which the smallest is tested, so that the whole suite fails by chance once in a hundred runs
+/// with new seeds; with fixed seeds the result is deterministic.
 #[derive(Default)]
 pub(crate) struct Suite {
     results: Vec<(String, f64)>,

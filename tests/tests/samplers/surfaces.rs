@@ -1,4 +1,4 @@
-//! Scattering as a path sees it: both sides, mapped normals that tilt away, no black fringe and no energy gained.
+//! Surfaces and BSDFs in a path: both sides, tilted mapped normals, no black fringes, energy conservation.
 
 use glam::Vec3;
 use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
@@ -17,7 +17,7 @@ mod records {
         pub struct SurfaceUniforms {
             /// Towards the viewer.
             pub wo: [f32; 3],
-            /// Draws.
+            /// Samples.
             pub count: u32,
             /// Mapped normal.
             pub n_shading: [f32; 3],
@@ -33,13 +33,13 @@ mod records {
 
         /// As in the kernel.
         pub struct DrawnSurface {
-            /// Drawn.
+            /// Sampled direction.
             pub wi: [f32; 3],
             /// Density.
             pub pdf: f32,
             /// Value over density.
             pub weight: [f32; 3],
-            /// Whether the path goes on.
+            /// Whether the path continues.
             pub is_valid: u32,
             /// By evaluation.
             pub evaluated_weight: [f32; 3],
@@ -103,7 +103,8 @@ fn mapped_normals_neither_gain_energy_nor_turn_black() {
                 };
                 let drawn = bench.draw(u);
                 let (mean, error) = albedo(&drawn);
-                // A white plastic may reflect its coat on top of everything (see the twins' tests); a metal may not.
+                // A white plastic may exceed one by the reflectance of its coat (see the tests of the twins); a metal
+                // may not.
                 let limit = if metallic == 1.0 { 1.0 } else { 2.0 };
                 assert!(mean <= limit + 4.0 * error + 1e-3, "view {view}, tilt {tilt}, {u:?}: {mean} +- {error}");
                 assert!(mean > 0.02, "view {view}, tilt {tilt}, {u:?}: {mean} is black");

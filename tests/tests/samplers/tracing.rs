@@ -1,4 +1,4 @@
-//! The device's traversal against the CPU's, over the same hierarchies.
+//! Traversal on the device against traversal on the CPU, over the same hierarchies.
 
 use glam::{Vec3, Vec4};
 use serde_json::json;
@@ -25,7 +25,7 @@ fn point(index: u32, dimension: u32) -> Vec3 {
     Vec3::new(x, y, z) * 2.0 - 1.0
 }
 
-/// Triangles of all sizes; with `copies` also placed turned, scaled and mirrored.
+/// Triangles of all sizes; with `copies` also rotated, scaled and mirrored instances.
 fn soup(count: u32, scale: f32, copies: bool) -> Scene {
     let mut glb = GlbBuilder::new();
     let mut positions = Vec::new();
@@ -90,7 +90,7 @@ fn compare(scene: &Scene, features: Features) {
         let found = (*triangle != NO_HIT).then(|| f32::from_bits(*t));
         let agrees = match (expected, found) {
             (None, None) => true,
-            // Of two triangles at one distance either may win; the distance must be the same.
+            // Of two triangles at the same distance either may be the hit; the distance must agree.
             (Some(hit), Some(t)) => {
                 met += 1;
                 (t - hit.t).abs() <= 2e-5 * (hit.t + scene.bounds.radius())
@@ -100,7 +100,7 @@ fn compare(scene: &Scene, features: Features) {
         disagreements += u32::from(!agrees);
     }
     assert!(met > RAYS / 5, "only {met} rays met anything");
-    // The two triangle tests round differently where a ray grazes an outline; the soup is nothing but outlines.
+    // The two triangle tests round differently for rays that graze an outline, and the soup has many.
     assert!(disagreements <= RAYS / 2000, "{disagreements} of {RAYS} rays disagree");
 }
 

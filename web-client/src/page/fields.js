@@ -74,7 +74,8 @@ function numberInput(properties, text, commit) {
  * @param {string} [options.unit]
  * @param {{ min: number, max: number, step: number }} options.range of the slider's positions
  * @param {{ min: number, max: number }} options.bounds of the value
- * @param {{ value: (position: number) => number, position: (value: number) => number }} [options.scale] linear if absent
+ * @param {{ value: (position: number) => number, position: (value: number) => number }} [options.scale]
+ *   linear if absent
  * @param {number} [options.decimals] shown at most; five significant digits if absent
  * @param {(value: number, done: boolean) => void} options.changed
  * @returns {Field}

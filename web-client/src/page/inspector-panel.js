@@ -165,7 +165,8 @@ function summary({ contributions: { length } }) {
 }
 
 /**
- * Copies text to the clipboard. Outside secure contexts the clipboard API does not exist, and `execCommand` replaces it.
+ * Copies text to the clipboard. Outside secure contexts the clipboard API does not exist, and `execCommand` replaces
+ * it.
  * @param {string} text
  * @returns {Promise<boolean>} whether it was copied
  */

@@ -131,8 +131,8 @@ export class LightsPanel {
     const { pose } = this.view.rig;
     const distance = length(subtract(pose.eye, pose.target));
     const exposure = this.view.exposure;
-    // Between target and eye, nearer to the eye and slightly raised, where no wall or ceiling is in between. The intensity
-    // follows the exposure.
+    // Between target and eye, nearer to the eye and slightly raised, where no wall or ceiling is in between. The
+    // intensity follows the exposure.
     const position = add(mix(pose.target, pose.eye, 0.6), scale(normalize(pose.up), 0.05 * distance));
     const away = length(subtract(position, pose.target));
     const labels = { point: 'Point light', spot: 'Spot light', directional: 'Sun' };

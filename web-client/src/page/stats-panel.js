@@ -66,7 +66,7 @@ export class StatsPanel {
     this.#set('frame', `${headerTime(frame.renderMs)} / ${headerTime(frame.encodeMs)}`);
   }
 
-  /** @param {{ framesPerSecond: number, bytesPerSecond: number, latency?: { p50: number, p95: number } | undefined }} measured */
+  /** @param {ReturnType<import('../view/surfelcast-view.js').SurfelcastView['measure']>} measured */
   measured({ framesPerSecond, bytesPerSecond, latency }) {
     this.#set('fps', count(framesPerSecond));
     this.#set('bandwidth', bytes(bytesPerSecond));

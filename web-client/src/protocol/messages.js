@@ -1,5 +1,6 @@
 /**
- * Control messages: JSON objects told apart by `t`. Mirrors `protocol/src/{client,server,settings,inspection,limits}.rs`.
+ * Control messages: JSON objects told apart by `t`. Mirrors
+ * `protocol/src/{client,server,settings,inspection,limits}.rs`.
  */
 
 import { boolean, list, number, object, optional, string } from './shape.js';
@@ -11,7 +12,7 @@ export const SUBPROTOCOL = 'surfelcast.v1.json';
 export const VERSION = 1;
 
 /** @typedef {'jpeg' | 'webp' | 'png'} Codec */
-/** @typedef {'start' | 'move' | 'end'} Phase `start` and `end` are never lost, `move` may be overwritten by a newer one */
+/** @typedef {'start' | 'move' | 'end'} Phase a newer `move` may replace an older one; `start` and `end` are kept */
 /** @typedef {[number, number, number]} Vec3 */
 /** @typedef {{ eye: Vec3, target: Vec3, up: Vec3, vfov_deg: number }} Pose world space, metres, degrees */
 /** @typedef {{ name: string, pose: Pose, exposure: number }} NamedPose */

@@ -14,7 +14,8 @@ export class InspectMode {
 
   /**
    * @param {object} options
-   * @param {(point: Point) => number | undefined} options.send sends the request and returns its id; nothing if it could not be sent
+   * @param {(point: Point) => number | undefined} options.send returns the id of the
+   *   request; nothing if it could not be sent
    * @param {(mode: { on: boolean, waiting: boolean }) => void} options.changed
    * @param {(point: Point | undefined) => void} options.mark shows the requested point
    */

@@ -1,5 +1,6 @@
 /**
- * The keyboard: arrows orbit (with Shift pan), + and - dolly, Home and digits go to viewpoints, F flies, Enter inspects.
+ * The keyboard: arrows orbit (with Shift pan), + and - dolly, Home and digits go to viewpoints, F flies, Enter
+ * inspects.
  */
 
 import { dolly, orbit, pan } from './camera.js';

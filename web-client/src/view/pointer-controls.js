@@ -1,7 +1,7 @@
 /**
  * Mouse, pen and touch. Left drag or one finger orbits; right, middle, Ctrl, Shift or two fingers pan; wheel and pinch
- * dolly; double click or double tap picks the surface, unless a single one is used by a mode. Follows three.js OrbitControls
- * and DCC tools (Alt + left orbits).
+ * dolly; double click or double tap picks the surface, unless a single one is used by a mode. Follows three.js
+ * OrbitControls and DCC tools (Alt + left orbits).
  */
 
 import { dolly, look, orbit, pan } from './camera.js';
@@ -37,7 +37,8 @@ export class PointerControls {
    * @param {object} options
    * @param {import('./rig.js').Rig} options.rig
    * @param {import('./flight.js').Flight} options.flight
-   * @param {(x: number, y: number) => boolean} options.tap place in the canvas, CSS pixels; returns whether the tap was used
+   * @param {(x: number, y: number) => boolean} options.tap at CSS pixels of the canvas; returns
+   *   whether the tap was used
    * @param {(x: number, y: number) => void} options.pick the same for a double tap
    * @param {AbortSignal} options.signal ends all listening
    */

@@ -26,7 +26,8 @@ import { sheet, template } from './view-template.js';
 
 /** @typedef {import('../protocol/messages.js').ServerMessage} ServerMessage */
 /** @typedef {import('../protocol/messages.js').ViewSettings} ViewSettings */
-/** @typedef {{ inspection?: import('../protocol/messages.js').Inspection | null, refusal?: string }} Answer to an inspected point */
+/** @typedef {import('../protocol/messages.js').Inspection} Inspection */
+/** @typedef {{ inspection?: Inspection | null, refusal?: string }} Answer to an inspected point */
 
 export class SurfelcastView extends HTMLElement {
   static observedAttributes = ['src', 'max-spp', 'resolution', 'inspecting'];

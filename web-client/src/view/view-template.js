@@ -1,5 +1,6 @@
 /**
- * Markup and style inside the custom element. A constructed sheet, because the content security policy of the page forbids inline style.
+ * Markup and style inside the custom element. A constructed sheet, because the content security policy of the page
+ * forbids inline style.
  */
 
 export const template = document.createElement('template');

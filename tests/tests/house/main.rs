@@ -1,71 +1,20 @@
-//! House rules that are cheaper to check than to remember. Each fault names the file, the rule and the way out.
+//! House rules that are cheaper to check than to remember. Each fault names the file, the rule and the remedy.
+
+mod sources;
+mod words;
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
+
+use crate::sources::{CODE, root, sources};
 
 /// Files of code aim at 500 lines; past this many, a file must be split or stand in [`LONG_FILES`].
 const LINE_LIMIT: usize = 700;
 
 /// Long files that are one idea all the same: (path, reason).
 const LONG_FILES: &[(&str, &str)] = &[];
-
-/// Folders that hold nothing written by people.
-const SKIPPED_FOLDERS: &[&str] = &[".git", "target", "node_modules", "data"];
-
-const CODE: &[&str] = &["rs", "wesl", "wgsl", "js", "css", "html", "sh"];
-const TEXT: &[&str] = &["md", "toml", "json", "yml", "yaml", "service"];
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests folder lies in the workspace")
-}
-
-/// One file of the project.
-struct Source {
-    /// Path from the root, with forward slashes.
-    path: String,
-    text: String,
-}
-
-impl Source {
-    fn is(&self, extensions: &[&str]) -> bool {
-        self.path.rsplit_once('.').is_some_and(|(_, extension)| extensions.contains(&extension))
-    }
-}
-
-/// All code and text, sorted by path.
-fn sources() -> Result<Vec<Source>> {
-    fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
-        for entry in fs::read_dir(folder)? {
-            let entry = entry?;
-            let name = entry.file_name();
-            let kind = entry.file_type()?;
-            if kind.is_dir() && !SKIPPED_FOLDERS.iter().any(|skipped| name == *skipped) {
-                walk(&entry.path(), found)?;
-            } else if kind.is_file() {
-                found.push(entry.path());
-            }
-        }
-        Ok(())
-    }
-    let mut found = Vec::new();
-    walk(root(), &mut found)?;
-    found.sort();
-    let mut sources = Vec::new();
-    for file in found {
-        let path = file.strip_prefix(root())?.to_string_lossy().replace('\\', "/");
-        let extension = file.extension().unwrap_or_default().to_string_lossy().into_owned();
-        let is_text = CODE.contains(&extension.as_str()) || TEXT.contains(&extension.as_str()) || path == "Makefile";
-        if is_text && !path.ends_with("package-lock.json") {
-            let text = fs::read_to_string(&file).with_context(|| format!("{path} is not UTF-8"))?;
-            sources.push(Source { path, text });
-        }
-    }
-    ensure!(sources.len() > 30, "only {} files seen: the test looks in the wrong place", sources.len());
-    Ok(sources)
-}
 
 fn report(faults: &[String]) -> Result<()> {
     ensure!(faults.is_empty(), "{}", faults.join("\n"));
@@ -174,7 +123,8 @@ fn crates_share_lints_and_version() -> Result<()> {
     report(&faults)
 }
 
-/// Clippy reads the nearest clippy.toml only, so the one of server/gpu repeats the root's but for the bans it is exempt from.
+/// Clippy reads the nearest clippy.toml only, so the one of server/gpu repeats the root's but for the bans it is exempt
+/// from.
 #[test]
 fn both_lint_tables_agree() -> Result<()> {
     let read = |path: &str| -> Result<toml::Table> { Ok(fs::read_to_string(root().join(path))?.parse()?) };
