@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::settings::{Codec, LightPatch, Phase, Pose};
 
-/// A control message with its optional request id; the id is repeated in `ok` and `error`.
+/// A control message with its optional request id, which the answer repeats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClientEnvelope {
     /// Request id chosen by the client.
@@ -17,33 +17,33 @@ pub struct ClientEnvelope {
     pub message: ClientMessage,
 }
 
-/// What a client may say.
+/// A message from the client.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "t")]
 pub enum ClientMessage {
-    /// First message, within [`crate::limits::Limits::hello_timeout_ms`].
+    /// The first message, due within [`crate::limits::Limits::hello_timeout_ms`].
     #[serde(rename = "hello")]
     Hello(Hello),
     /// New camera of a view.
     #[serde(rename = "camera")]
     Camera(CameraInput),
-    /// Light edit.
+    /// Edit of the session's lights.
     #[serde(rename = "light")]
     Light(LightInput),
-    /// Size and wishes of a view.
+    /// New settings of a view.
     #[serde(rename = "view.set")]
     ViewSet(ViewSet),
-    /// A frame arrived and was shown (cumulative).
+    /// Acknowledges a frame and all before it.
     #[serde(rename = "ack")]
     Ack(Ack),
-    /// Ask for a still of the present picture now.
+    /// Requests a still of the present frame.
     #[serde(rename = "still")]
     Still {
         /// View.
         #[serde(default)]
         view: u16,
     },
-    /// What surface is under a pixel of the last shown frame (focus on double-click).
+    /// Which surface is at a point of the last acknowledged frame; answered by `picked`.
     #[serde(rename = "pick")]
     Pick {
         /// View.
@@ -54,7 +54,7 @@ pub enum ClientMessage {
         /// Vertical position, 0 (top) to 1.
         y: f32,
     },
-    /// Which surfels light the surface under a pixel of the last shown frame; answered by `inspected`.
+    /// Which surfels light the surface at a point of the last acknowledged frame; answered by `inspected`.
     #[serde(rename = "inspect")]
     Inspect {
         /// View.
@@ -79,63 +79,63 @@ pub enum ClientMessage {
     },
 }
 
-/// Introduction.
+/// What a client states about itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
-    /// Protocol versions the client speaks.
+    /// Protocol versions that the client supports.
     pub v: Vec<u32>,
     /// Program and version, for logs; at most 128 characters.
     #[serde(default)]
     pub client: String,
-    /// What it can show.
+    /// What it can decode and show.
     pub caps: Caps,
-    /// Token of an earlier connection to take up again.
+    /// Token of an earlier connection whose view is resumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resume: Option<String>,
 }
 
-/// Abilities of a client.
+/// Capabilities of a client.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Caps {
-    /// Codecs it decodes, best first; those this version does not know are skipped.
+    /// Codecs that it decodes, best first; those that this version does not know are skipped.
     #[serde(deserialize_with = "known_codecs")]
     pub codecs: Vec<Codec>,
-    /// Largest picture it wants, pixels.
+    /// Largest frame that it wants, pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_px: Option<u64>,
     /// Device pixel ratio.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dpr: Option<f32>,
-    /// Prefers reduced motion.
+    /// Whether the user prefers reduced motion.
     #[serde(default)]
     pub reduced_motion: bool,
 }
 
-/// Newer clients offer codecs of which this version has not heard; their other wishes still stand.
+/// Skips the codecs that this version does not know, so that newer clients can offer theirs.
 fn known_codecs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Codec>, D::Error> {
     let names = Vec::<String>::deserialize(deserializer)?;
     let known = |name: String| Codec::deserialize(StrDeserializer::<ValueError>::new(&name)).ok();
     Ok(names.into_iter().filter_map(known).collect())
 }
 
-/// Camera input.
+/// A new camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInput {
     /// View.
     #[serde(default)]
     pub view: u16,
-    /// Input number, rising by one over cameras and lights; frames repeat the last one they contain.
+    /// Number of the input, rising by one over cameras and lights. A frame states the last input that it contains.
     pub seq: u32,
     /// Client's monotonic milliseconds.
     #[serde(default)]
     pub ts: f64,
-    /// The pose.
+    /// The camera.
     pub pose: Pose,
-    /// Where the gesture stands.
+    /// Place in the gesture.
     pub phase: Phase,
 }
 
-/// Light input. `move` previews, `end` commits; both are shown.
+/// An edit of lights. `move` previews, `end` commits; both are shown.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightInput {
     /// Input number, shared with cameras.
@@ -145,11 +145,11 @@ pub struct LightInput {
     pub ts: f64,
     /// The change.
     pub patch: LightPatch,
-    /// Where the gesture stands.
+    /// Place in the gesture.
     pub phase: Phase,
 }
 
-/// Wishes for a view; absent fields stay as they are.
+/// Settings of a view; an absent field leaves its setting as it is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ViewSet {
     /// View.
@@ -167,10 +167,10 @@ pub struct ViewSet {
     /// Highest JPEG quality while moving, 1 to 100.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_q: Option<u8>,
-    /// Frames per second aimed at while moving, 1 to 120.
+    /// Target frame rate while moving, frames per second, 1 to 120.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<u16>,
-    /// Codec wished for stills; must be among the offered ones.
+    /// Codec of stills, among those offered in `hello`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub codec: Option<Codec>,
     /// Nothing is rendered or sent while true (hidden tab).
@@ -184,18 +184,18 @@ pub struct ViewSet {
     pub technique: Option<String>,
     /// Output shown instead of radiance, among `welcome.outputs`; null goes back to radiance.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "present")]
-    #[allow(clippy::option_option, reason = "absent leaves the view as it is, null is a wish of its own")]
+    #[allow(clippy::option_option, reason = "absent leaves the setting as it is, null is a value")]
     pub aov: Option<Option<String>>,
-    /// Stop refining at this tone-mapped RMSE, in (0, 1].
+    /// Refinement stops at this tone-mapped RMSE, in (0, 1].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_error: Option<f32>,
-    /// Stop refining at this many samples a pixel.
+    /// Refinement stops at this number of samples a pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_spp: Option<u32>,
 }
 
-/// Tells a null, which was said, from a field that was not.
-#[allow(clippy::option_option, reason = "that is what it tells apart")]
+/// Tells a field that is null from one that is absent.
+#[allow(clippy::option_option, reason = "the outer level is presence, the inner one null")]
 fn present<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<String>>, D::Error> {
     let value = serde_json::Value::deserialize(deserializer)?;
     match value {
@@ -219,10 +219,10 @@ pub struct Ack {
     /// Client's monotonic milliseconds at presentation.
     #[serde(default)]
     pub present_ms: f64,
-    /// Frames received but not shown since the last ack.
+    /// Frames received since the last acknowledgement and not shown.
     #[serde(default)]
     pub dropped: u32,
-    /// Frames waiting for decoding.
+    /// Frames waiting to be decoded.
     #[serde(default)]
     pub queue: u32,
 }

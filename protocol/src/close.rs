@@ -1,30 +1,30 @@
 //! WebSocket close codes.
 
-/// Server is going away.
+/// The server is going away.
 pub const GOING_AWAY: u16 = 1001;
-/// Origin or policy.
+/// The origin is not allowed.
 pub const POLICY: u16 = 1008;
-/// Message over the limit.
+/// A message is over the size limit.
 pub const TOO_BIG: u16 = 1009;
-/// Server restarts; come back.
+/// The server restarts; the client should reconnect.
 pub const RESTART: u16 = 1012;
-/// Server is full; try later.
+/// The server is full or failed; the client should try later.
 pub const TRY_LATER: u16 = 1013;
-/// Malformed message.
+/// A message is malformed.
 pub const MALFORMED: u16 = 4400;
 /// No such session or scene.
 pub const NO_SESSION: u16 = 4404;
-/// `hello` or acknowledgements came too late.
+/// `hello`, an acknowledgement or the answer to a ping is overdue.
 pub const TOO_SLOW: u16 = 4408;
 /// A newer connection resumed this one.
 pub const SUPERSEDED: u16 = 4409;
-/// The session ended.
+/// The session or the view ended.
 pub const ENDED: u16 = 4410;
-/// No common protocol version.
+/// There is no common protocol version.
 pub const VERSION: u16 = 4426;
-/// Too many inputs, or connections of one client in too short a time.
+/// Too many messages or inputs a second, or a reconnection too soon.
 pub const RATE: u16 = 4429;
-/// No GPU capacity.
+/// The device cannot hold or render the scene.
 pub const NO_CAPACITY: u16 = 4503;
-/// The GPU was lost and did not come back.
+/// The device was lost and could not be rebuilt.
 pub const GPU_LOST: u16 = 4507;

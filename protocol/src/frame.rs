@@ -12,7 +12,7 @@
 //! | 12 | u32 | `input_seq`, the last client input contained in this image |
 //! | 16 | u32 | `scene_rev` |
 //! | 20 | 4 x u16 | x, y, w, h of the payload's rectangle |
-//! | 28 | 2 x u16 | full width and height the client shows it at |
+//! | 28 | 2 x u16 | full width and height, at which the client shows it |
 //! | 32 | u32 | server's monotonic microseconds, low 32 bits |
 //! | 36 | 2 x u16 | render and encode time in 10 us units, saturating |
 //! | 40 | u16 | samples a pixel, saturating |
@@ -35,9 +35,9 @@ pub const KIND_FULL: u8 = 1;
 pub mod flags {
     /// Decodable on its own.
     pub const KEYFRAME: u16 = 1;
-    /// Rendered at rest, at full resolution.
+    /// Rendered at rest and at full resolution.
     pub const STILL: u16 = 2;
-    /// Converged: nothing follows until something changes.
+    /// Converged: no frame follows until something changes.
     pub const FINAL: u16 = 4;
     /// The payload is lossless.
     pub const LOSSLESS: u16 = 16;
@@ -54,13 +54,13 @@ pub struct FrameHeader {
     pub view: u16,
     /// Number of this frame.
     pub frame_seq: u32,
-    /// Last input contained.
+    /// Last input that the frame contains.
     pub input_seq: u32,
     /// Scene revision.
     pub scene_rev: u32,
-    /// x, y, w, h of the payload.
+    /// x, y, width and height of the payload.
     pub rect: [u16; 4],
-    /// Size to show at.
+    /// Size at which the client shows it.
     pub full_size: [u16; 2],
     /// Server's monotonic microseconds, low 32 bits.
     pub server_us: u32,
@@ -76,23 +76,23 @@ pub struct FrameHeader {
     pub payload_len: u32,
 }
 
-/// Why a binary message is not a frame.
+/// Why a binary message is not a valid frame.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum FrameError {
     /// Shorter than the header.
     #[error("frame of {0} bytes is shorter than its 48-byte header")]
     Short(usize),
-    /// Wrong first byte, version, kind or codec.
+    /// Unknown magic, version, kind or codec.
     #[error("frame {field} is {value}, expected {expected}")]
     Field {
         /// Header field.
         field: &'static str,
         /// Value found.
         value: u8,
-        /// What is accepted.
+        /// Accepted values.
         expected: &'static str,
     },
-    /// Length field and message disagree.
+    /// The length field disagrees with the message.
     #[error("frame payload_len is {stated} but {present} bytes follow the header")]
     Length {
         /// Length field.

@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a connection may ask for.
+/// Limits on a connection, its view and its session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limits {
     /// Bytes of a control message.
     pub control_bytes: u32,
     /// Bytes of a message before `welcome`.
     pub hello_bytes: u32,
-    /// Milliseconds until `hello` must have come.
+    /// Time within which `hello` must arrive, milliseconds.
     pub hello_timeout_ms: u32,
-    /// Inputs a second and connection.
+    /// Inputs per second of a connection.
     pub inputs_per_sec: u32,
     /// Width or height of a view, pixels.
     pub max_side: u32,

@@ -1,17 +1,17 @@
-//! Reading control messages that a stranger wrote.
+//! Parsing of untrusted control messages.
 
 use serde_json::Value;
 
 use crate::client::{ClientEnvelope, ClientMessage};
 
-/// Message types a client may send, in the order of [`ClientMessage`].
+/// Types of messages from the client, in the order of [`ClientMessage`].
 pub const CLIENT_TYPES: [&str; 10] =
     ["hello", "camera", "light", "view.set", "ack", "still", "pick", "inspect", "ping", "pong"];
 
-/// Why a text message was not understood. Messages never repeat more than a few characters of the input.
+/// Why a text message cannot be parsed. The texts repeat no more than a few characters of the input.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ParseError {
-    /// Not a JSON object with a string `t`: the peer does not speak this protocol.
+    /// Not a JSON object with a string `t`: the peer does not use this protocol.
     #[error("control message: {0}")]
     Malformed(String),
     /// `t` is none of [`CLIENT_TYPES`]; a newer client may send such messages.

@@ -14,7 +14,7 @@ pub struct Problem {
     pub status: u16,
     /// Machine-readable code, e.g. `scene_too_large`.
     pub code: String,
-    /// This occurrence: the field, the limit, the remedy.
+    /// What is wrong in this case: the field, the limit, the remedy.
     pub detail: String,
     /// Seconds after which a retry may succeed.
     #[serde(default, skip_serializing_if = "Option::is_none")]

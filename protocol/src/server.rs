@@ -6,14 +6,14 @@ use crate::inspection::Inspection;
 use crate::limits::Limits;
 use crate::settings::{LightState, NamedPose};
 
-/// What the server may say in text.
+/// A control message from the server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "t")]
 pub enum ServerMessage {
     /// Answer to `hello`.
     #[serde(rename = "welcome")]
     Welcome(Box<Welcome>),
-    /// The session's lights changed (by anyone); sent after `welcome` too.
+    /// The lights of the session, after `welcome` and after every edit by any member.
     #[serde(rename = "lights")]
     Lights {
         /// Scene revision that contains the change.
@@ -22,15 +22,15 @@ pub enum ServerMessage {
         #[serde(flatten)]
         state: LightState,
     },
-    /// How a view is being served, so that the UI can say why it is soft. At most twice a second.
+    /// How a view is served, so that the user interface can say why the image is soft. At most twice a second.
     #[serde(rename = "stats")]
     Stats(Box<Stats>),
-    /// Something the user should know.
+    /// An event that the user should know of.
     #[serde(rename = "notice")]
     Notice {
         /// What happened.
         kind: NoticeKind,
-        /// For people.
+        /// Text for people.
         detail: String,
     },
     /// A request with an id was carried out.
@@ -45,10 +45,10 @@ pub enum ServerMessage {
         /// The request's id.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         re: Option<u64>,
-        /// World position of the surface; absent where the ray left the scene.
+        /// World position of the surface; absent where the ray leaves the scene.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         position: Option<[f64; 3]>,
-        /// Name of the object there.
+        /// Name of the object.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         object: Option<String>,
     },
@@ -58,7 +58,7 @@ pub enum ServerMessage {
         /// The request's id.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         re: Option<u64>,
-        /// What lights the point; null where the ray left the scene or the session keeps no surfels.
+        /// What lights the point; null where the ray leaves the scene or the session has no surfels.
         inspection: Option<Box<Inspection>>,
     },
     /// A message was refused; the connection stays.
@@ -69,7 +69,7 @@ pub enum ServerMessage {
         re: Option<u64>,
         /// Machine-readable code, the same registry as HTTP problems.
         code: String,
-        /// For people: the field, the limit, the remedy.
+        /// Text for people: the field, the limit, the remedy.
         detail: String,
     },
     /// Application-level ping.
@@ -99,9 +99,9 @@ pub struct Welcome {
     pub session: SessionInfo,
     /// Limits in force.
     pub limits: Limits,
-    /// Techniques on offer, the default first.
+    /// Available techniques, the default first.
     pub techniques: Vec<TechniqueInfo>,
-    /// What a view can show instead of radiance.
+    /// Outputs that a view can show instead of radiance.
     #[serde(default)]
     pub outputs: Vec<OutputInfo>,
     /// Cameras of the scene.
@@ -116,7 +116,7 @@ pub struct Welcome {
     pub server_ms: f64,
     /// Token for `hello.resume`; changes at every connection.
     pub resume_token: String,
-    /// How long the view is kept after the socket drops.
+    /// Time for which the view can be resumed after the connection ends, milliseconds.
     pub grace_ms: u32,
     /// Server's program version.
     pub server: String,
@@ -135,20 +135,20 @@ pub struct SessionInfo {
     pub scene_name: String,
     /// Revision of scene and lights.
     pub scene_rev: u32,
-    /// Changes when the render device was lost and rebuilt.
+    /// Rises when the render device was lost and rebuilt.
     pub epoch: u32,
     /// Triangles in the scene.
     pub triangle_count: u32,
 }
 
-/// A technique on offer.
+/// An available technique.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TechniqueInfo {
     /// Id for `view.set`.
     pub id: String,
     /// Name for people.
     pub label: String,
-    /// One sentence on what it is.
+    /// One sentence of description.
     pub summary: String,
 }
 
@@ -161,7 +161,7 @@ pub struct OutputInfo {
     pub label: String,
 }
 
-/// Why something happened that the user should know.
+/// What happened that the user should know of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoticeKind {
@@ -182,7 +182,7 @@ pub struct Stats {
     pub view: u16,
     /// JPEG quality in use while moving.
     pub quality: u8,
-    /// Resolution factor of the newest frame of a gesture, in (0, 1]; before the first, the one that the link allows.
+    /// Resolution factor of the newest moving frame, in (0, 1]; before the first, the one that the link allows.
     pub scale: f32,
     /// Frames per second sent over the last second.
     pub fps: f32,
@@ -190,23 +190,23 @@ pub struct Stats {
     pub window: u32,
     /// Smallest round trip of the last 10 s, milliseconds.
     pub rtt_ms: f32,
-    /// What keeps quality or scale below the wish: `device` where the renderer lowered the scale to hold the frame time,
-    /// else `link` where rate control lowered either; empty when neither did.
+    /// What keeps quality or scale below the settings: `device` where the renderer lowered the scale to hold the frame
+    /// time, otherwise `link` where rate control lowered either; empty where neither did.
     pub reason: String,
     /// Samples a pixel of the newest frame.
     pub samples: u32,
-    /// Audited error of the newest audited frame; none while the view shows another output than radiance.
+    /// Audited error of the newest audited frame; absent while the view shows another output than radiance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<ErrorInfo>,
-    /// Whether refinement has ended and nothing more will be sent.
+    /// Whether refinement has ended, so that no frame follows.
     pub converged: bool,
     /// Passes of the newest frame.
     pub passes: Vec<PassInfo>,
-    /// Passes not run, with the reason.
+    /// Passes that did not run, with the reason.
     pub skipped: Vec<SkippedInfo>,
 }
 
-/// Audited error of a picture.
+/// Audited error of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ErrorInfo {
     /// Tone-mapped RMSE.
@@ -215,20 +215,20 @@ pub struct ErrorInfo {
     pub std_error: f32,
 }
 
-/// Time of a pass.
+/// A pass that ran.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassInfo {
-    /// Pass = kernel = file name.
+    /// Name of the pass, which is that of its kernel and file.
     pub name: String,
-    /// Milliseconds on the device.
+    /// Time on the device, milliseconds.
     pub ms: f32,
 }
 
-/// A pass that was not run.
+/// A pass that did not run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SkippedInfo {
     /// Pass.
     pub name: String,
-    /// Why not.
+    /// Reason.
     pub reason: String,
 }

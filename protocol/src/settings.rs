@@ -1,4 +1,4 @@
-//! Values that both directions share: poses, lights, codecs, formats.
+//! Values that both directions share: cameras, lights, codecs.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Pose {
     /// Eye.
     pub eye: [f64; 3],
-    /// Point looked at.
+    /// Point that the camera looks at.
     pub target: [f64; 3],
     /// Up direction, any length.
     pub up: [f64; 3],
@@ -15,7 +15,7 @@ pub struct Pose {
     pub vfov_deg: f64,
 }
 
-/// Where a gesture stands: `start` and `end` are never lost, `move` may be overwritten by a newer one.
+/// Place of an input in its gesture. `start` and `end` are always sent; a newer `move` may replace a `move`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
@@ -40,7 +40,7 @@ pub enum Codec {
     Png = 4,
 }
 
-/// Shape of a light as people edit it.
+/// Kind of a punctual light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightKind {
@@ -48,7 +48,7 @@ pub enum LightKind {
     Point,
     /// Spot light, W/sr.
     Spot,
-    /// Sun, W/m^2.
+    /// Directional light, W/m^2.
     Directional,
 }
 
@@ -59,7 +59,7 @@ pub struct Light {
     pub id: u32,
     /// Name shown to people.
     pub name: String,
-    /// Shape.
+    /// Kind.
     pub kind: LightKind,
     /// World position, metres (unused by directional lights).
     pub position: [f64; 3],
@@ -72,7 +72,7 @@ pub struct Light {
     /// Spot cone half angles `[inner, outer]`, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cone_deg: Option<[f32; 2]>,
-    /// Off lights stay listed.
+    /// Whether it shines; a light that is off stays listed.
     #[serde(default = "yes")]
     pub enabled: bool,
 }
@@ -81,10 +81,10 @@ fn yes() -> bool {
     true
 }
 
-/// A change of the session's lights. Absent fields stay as they are.
+/// An edit of the session's lights; an absent field changes nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LightPatch {
-    /// Add this light (its `id` is ignored and given by the server).
+    /// Add this light; the server assigns its `id`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add: Option<Light>,
     /// Replace the light of the same id.
@@ -110,7 +110,7 @@ pub struct LightState {
     pub environment_strength: f32,
     /// Factor on emissive surfaces.
     pub emissive_strength: f32,
-    /// Whether the scene has an environment at all.
+    /// Whether the scene has an environment.
     pub has_environment: bool,
 }
 
@@ -121,6 +121,6 @@ pub struct NamedPose {
     pub name: String,
     /// Pose.
     pub pose: Pose,
-    /// Exposure its author meant (linear factor).
+    /// Exposure that its author intended, linear factor.
     pub exposure: f32,
 }

@@ -14,7 +14,7 @@ use crate::sessions::JoinError;
 /// How a connection ends. The text of a variant is the reason in the close message.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CloseReason {
-    // The introduction was refused.
+    // `hello` or joining the session failed.
     #[error("hello: did not come in time")]
     HelloTimeout,
     #[error("hello: must be the first message")]
@@ -99,8 +99,8 @@ impl CloseReason {
         })
     }
 
-    /// The reason behind an error of the socket. A message over the size limit is told from a broken socket by type:
-    /// axum wraps the error of tungstenite, whose version must therefore be the one that axum uses.
+    /// The reason behind an error of the socket. A message over the size limit differs from a broken socket by the type
+    /// of its cause. That is an error of tungstenite, which must therefore be the version that axum uses.
     pub(crate) fn of_socket_error(error: &axum::Error) -> Self {
         let first: Option<&(dyn StdError + 'static)> = error.source();
         let is_too_long = std::iter::successors(first, |&cause| cause.source()).any(|cause| {
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_message_over_the_limit_is_told_from_a_broken_socket() {
+    fn messages_over_the_limit_differ_from_broken_sockets() {
         let too_long = tungstenite::Error::Capacity(CapacityError::MessageTooLong { size: 2, max_size: 1 });
         let reason = CloseReason::of_socket_error(&axum::Error::new(too_long));
         assert_eq!(reason.code(), Some(close::TOO_BIG));

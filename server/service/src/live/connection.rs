@@ -92,10 +92,11 @@ impl<'a> Connection<'a> {
             superseded: superseded.clone(),
         };
         state.resume().insert(token.clone(), entry);
+        let mut inbound = Inbound::new(limits, settings, hello.caps.codecs);
+        inbound.set_techniques(technique_ids(&status));
         Ok(Self {
             began: Instant::now(),
             draining_until: None,
-            inbound: Inbound::new(limits, settings, hello.caps.codecs),
             points: PointQuestions::new(state.handle().clone(), member.live.key),
             heartbeat: Heartbeat::new(timeouts.ping),
             device: status.state,
@@ -107,6 +108,7 @@ impl<'a> Connection<'a> {
             member,
             view,
             outbound,
+            inbound,
             resumable,
         })
     }
@@ -275,7 +277,7 @@ impl<'a> Connection<'a> {
     }
 
     fn on_status(&mut self, status: &RendererStatus) -> Result<(), CloseReason> {
-        self.inbound.set_techniques(status.techniques.iter().map(|technique| technique.id).collect());
+        self.inbound.set_techniques(technique_ids(status));
         let before = std::mem::replace(&mut self.device, status.state);
         match (before, status.state) {
             (_, DeviceState::Failed) => return Err(CloseReason::DeviceLost),
@@ -380,6 +382,10 @@ fn settings_of(
     // The client may offer other codecs now.
     let codec = settings.codec.filter(|codec| hello.caps.codecs.contains(codec));
     Ok(ViewSettings { codec, ..settings })
+}
+
+fn technique_ids(status: &RendererStatus) -> Vec<&'static str> {
+    status.techniques.iter().map(|technique| technique.id).collect()
 }
 
 fn view_state(settings: &ViewSettings, outbound: &Outbound, input_seq: u32) -> ViewState {

@@ -1,4 +1,4 @@
-//! What a client sends: parsed, rationed, ordered and checked.
+//! Messages of a client: parsed, limited in rate, ordered and checked.
 //!
 //! No socket, no renderer and no clock: a message and the time of its arrival come in, an [`Effect`] comes out, and the
 //! connection applies it. Every input is applied in the order of arrival and none is queued. What the renderer gets is
@@ -26,16 +26,16 @@ const MAX_MALFORMED: u32 = 3;
 /// Messages of any kind a second, in multiples of the input rate.
 const MESSAGES_PER_INPUT: u32 = 4;
 
-/// What the connection has to do about a message.
+/// What the connection has to do in answer to a message.
 #[derive(Debug)]
 pub(crate) enum Effect {
-    /// Nothing: the message was no more than a sign of life.
+    /// Nothing: the message only shows that the client is there.
     Nothing,
     /// The camera moved: [`Inbound::settings`] has it.
     Moved,
     /// The settings of the view changed: [`Inbound::settings`] has them.
     ViewChanged,
-    /// The session should apply this edit; [`Inbound::light_edited`] follows where it did.
+    /// The session should apply this edit; [`Inbound::light_edited`] follows if it did.
     LightEdit(LightEdit),
     /// The present frame should be sent as a still.
     StillWanted,
@@ -54,7 +54,7 @@ pub(crate) enum Effect {
     Close(CloseReason),
 }
 
-/// An edit of lights that stands in the right order.
+/// An edit of lights whose number is newer than the last.
 #[derive(Debug)]
 pub(crate) struct LightEdit {
     pub(crate) seq: u32,
@@ -69,7 +69,7 @@ pub(crate) struct Received {
     pub(crate) effect: Effect,
 }
 
-/// What a client has said so far.
+/// State of a client's messages: its settings, its inputs and what it may still send.
 #[derive(Debug)]
 pub(crate) struct Inbound {
     limits: Limits,
@@ -102,7 +102,7 @@ impl Inbound {
         self.techniques = techniques;
     }
 
-    /// The view as its client wants it now.
+    /// Settings of the view, as the client last set them.
     pub(crate) fn settings(&self) -> &ViewSettings {
         &self.settings
     }
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn late_inputs_change_nothing() {
+    fn stale_inputs_change_nothing() {
         let mut inbound = inbound();
         receive(&mut inbound, &camera_at(5.0, 5, "end"), START);
         for seq in [5, 4] {
@@ -344,7 +344,7 @@ mod tests {
         );
         let later = Duration::from_millis(100);
         assert!(matches!(receive(&mut inbound, &camera_at(1.0, 12, "end"), later).effect, Effect::Moved));
-        // Acknowledgements are no inputs, but they are messages.
+        // Acknowledgements count as messages and not as inputs.
         let ack = json!({"t": "ack", "seq": 1});
         let mut inbound = self::inbound();
         for _ in 0..40 {
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_understood_is_answered_until_it_is_too_much() {
+    fn unparsable_messages_are_answered_and_the_third_malformed_one_ends_the_connection() {
         let mut inbound = inbound();
         let dance = receive(&mut inbound, &json!({"t": "dance", "id": 3}), START);
         assert_eq!((dance.id, refusal(dance).code), (Some(3), "unsupported"));

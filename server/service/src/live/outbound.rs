@@ -21,7 +21,7 @@ use crate::live::sent_log::{AckedView, ContainedInput, SentLog};
 use crate::live::stats::StatsRecord;
 use crate::live::view_settings::ViewSettings;
 
-/// The first frame waits this long for the client to say its size.
+/// The first frame waits this long for the client to state its size.
 const FIRST_SIZE_PATIENCE: Duration = Duration::from_millis(250);
 /// Least time between two requested stills.
 const STILL_INTERVAL: Duration = Duration::from_secs(1);
@@ -37,7 +37,7 @@ pub(crate) struct Due {
     pub(crate) stats: bool,
 }
 
-/// An encoded frame that goes out.
+/// An encoded frame that is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Delivery {
     /// Its number on this socket.
@@ -174,7 +174,7 @@ impl Outbound {
         self.is_draining = true;
     }
 
-    /// What is due at `now`. `has_frame_room`: the socket takes a frame. Fails when the client owes acknowledgements
+    /// What is due at `now`. `has_frame_room`: the socket can queue a frame. Fails when acknowledgements are overdue
     /// for too long.
     pub(crate) fn on_tick(&mut self, now: Duration, has_frame_room: bool) -> Result<Due, CloseReason> {
         let mut due = Due::default();
@@ -242,7 +242,7 @@ impl Outbound {
         Ok(request)
     }
 
-    /// A frame was encoded: how it goes out, unless it was overtaken.
+    /// A frame was encoded: how to send it, unless a newer state has overtaken it.
     pub(crate) fn on_encoded(
         &mut self,
         encoded: &EncodedFrame,
@@ -276,8 +276,8 @@ impl Outbound {
         count_dropped("encode_failed");
     }
 
-    /// The client acknowledges frames. Returns whether the limits on moving frames changed, which the renderer has to
-    /// be told.
+    /// The client acknowledges frames. Returns whether the limits on moving frames changed, so that the renderer needs
+    /// the new state of the view.
     pub(crate) fn on_ack(&mut self, ack: &Ack, now: Duration) -> bool {
         let was_silent = self.is_silent(now);
         let decode = Duration::from_micros(u64::from(ack.decode_us));
@@ -297,7 +297,7 @@ impl Outbound {
             let latency = now.saturating_sub(at);
             metrics::histogram!("surfelcast_input_to_ack_seconds").record(latency.as_secs_f64());
         }
-        // Stills are large on purpose; only moving frames tell whether the link keeps up with them.
+        // Stills are large by design; only the delay of moving frames shows whether the link keeps up.
         let (Stage::Moving, Some(delay)) = (sent.stage, acked.queue_delay) else { return false };
         let before = (self.quality.scale(), self.quality.frames_per_sec());
         self.quality.on_ack(delay);
@@ -314,7 +314,7 @@ impl Outbound {
         self.motion.last_input_at + StillSchedule::quiet_time(self.quality.frames_per_sec())
     }
 
-    /// The client owes acknowledgements for so long that nothing more is sent.
+    /// Whether acknowledgements are overdue, so that nothing more is sent.
     fn is_silent(&self, now: Duration) -> bool {
         self.window.silence(now) >= self.ack_stop
     }
@@ -431,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_frame_waits_for_a_size_but_not_for_ever() {
+    fn the_first_frame_waits_for_a_size_for_a_limited_time() {
         let mut outbound = Outbound::new(&ViewSettings::default(), &[settings::Codec::Jpeg], &Timeouts::default());
         assert!(!wants_frame(&mut outbound, ms(0)));
         assert_eq!(outbound.deadline(ms(0), ROOM), Some(FIRST_SIZE_PATIENCE));
@@ -529,7 +529,7 @@ mod tests {
             changes += u32::from(outbound.on_ack(&ack(seq), now + ms(120)));
             now += ms(200);
         }
-        assert!(changes > 0 && outbound.quality().scale() < 1.0, "then resolution, which the renderer is told");
+        assert!(changes > 0 && outbound.quality().scale() < 1.0, "then resolution, which the renderer must know");
     }
 
     #[test]
@@ -542,7 +542,7 @@ mod tests {
             !outbound.on_tick(rest.saturating_sub(ms(1)), ROOM).expect("stays").view_update && outbound.is_moving()
         );
         assert!(outbound.on_tick(rest, ROOM).expect("stays").view_update && !outbound.is_moving());
-        assert!(!outbound.on_tick(rest, ROOM).expect("stays").view_update, "told once");
+        assert!(!outbound.on_tick(rest, ROOM).expect("stays").view_update, "once");
     }
 
     #[test]
@@ -555,7 +555,7 @@ mod tests {
             let Some(request) = take(&mut outbound, frame(kind, samples), now) else { continue };
             sent.push((samples, request.codec, request.quality));
             let delivery = finish(&mut outbound, request, 1000, now).expect("not overtaken");
-            assert_eq!(delivery.with_stats, samples == 64, "the end is told at once");
+            assert_eq!(delivery.with_stats, samples == 64, "with stats at once");
             outbound.on_ack(&ack(delivery.seq), now);
         }
         let still = |samples| (samples, Codec::Jpeg, Quality::Lossy(90));

@@ -18,7 +18,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::config::Bounds;
 
-/// The client does not take what it is sent.
+/// The client does not read what it is sent.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("the client does not read: more than {limit} {what} are waiting")]
 pub(crate) struct Overflow {
@@ -54,7 +54,7 @@ impl OutgoingFrame {
     }
 }
 
-/// How the writer tells slow from stuck.
+/// How the writer distinguishes a slow client from one that does not read.
 #[derive(Clone, Debug)]
 pub(crate) struct Progress {
     /// Bytes the socket has taken, where that is known.
@@ -155,8 +155,8 @@ impl Writer {
         loop {
             let (message, control_bytes) = tokio::select! {
                 biased;
-                // Frames first, so that what is said about a frame comes after it. Their queue of one cannot starve
-                // the other.
+                // Frames first, so that `stats` follow the frame that they describe. A queue of one frame cannot starve
+                // the control messages.
                 Some(frame) = self.frames.recv() => (Message::Binary(frame.message()), 0),
                 Some(text) = self.control.recv() => { let bytes = text.len(); (Message::Text(text), bytes) }
                 close = &mut closing => {

@@ -118,7 +118,7 @@ impl PointQuestions {
     }
 }
 
-/// The renderer's answer in the words of the protocol.
+/// The renderer's answer as the protocol has it.
 fn in_protocol(found: &surfelcast_renderer::Inspection) -> Inspection {
     let part = |part: &surfelcast_renderer::Contribution| Contribution {
         id: part.id,

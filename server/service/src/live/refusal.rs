@@ -1,11 +1,11 @@
-//! A request that was refused; the connection stays.
+//! Refusals of single requests; the connection stays.
 
 use surfelcast_protocol::server::ServerMessage;
 
 /// The one view of a connection.
 const VIEW: u16 = 0;
 
-/// What `error` says: a code for programs, and the field, the limit and the remedy for people.
+/// Content of `error`: a code for programs, and the field, the limit and the remedy for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Refusal {
     pub(crate) code: &'static str,
@@ -22,7 +22,7 @@ impl Refusal {
         Self::new("invalid_value", detail)
     }
 
-    /// Something else must end first.
+    /// Other work must end first.
     pub(crate) fn busy(detail: impl Into<String>) -> Self {
         Self::new("busy", detail)
     }

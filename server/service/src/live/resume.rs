@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::live::view_settings::ViewSettings;
 
-/// What a token stands for.
+/// The view that a token resumes.
 #[derive(Clone, Debug)]
 pub(crate) struct Resumable {
     /// Session it belongs to.
@@ -48,8 +48,8 @@ impl ResumeTokens {
         Self { entries: Mutex::default(), capacity, lifetime, least_interval }
     }
 
-    /// Stores the view of a connection under its token. When all room is taken by open connections the token is simply
-    /// not honoured later.
+    /// Stores the view of a connection under its token. While open connections hold the whole capacity, the token is
+    /// not stored and resumes nothing later.
     pub(crate) fn insert(&self, token: String, what: Resumable) {
         let mut entries = self.entries.lock();
         self.sweep(&mut entries);
@@ -74,8 +74,8 @@ impl ResumeTokens {
         }
     }
 
-    /// Consumes a token, and tells the connection that it belongs to, if that is still open, that it is superseded. A
-    /// token shown too soon stays valid. The interval counts from the beginning of the earlier connection, not from its
+    /// Consumes a token, and ends the connection that it belongs to, if that is still open, as superseded. A token that
+    /// comes too soon stays valid. The interval counts from the beginning of the earlier connection, not from its
     /// end: the server may notice the end of a broken one long after its client did.
     pub(crate) fn take(&self, token: &str, session: &str) -> Result<Option<Resumable>, TooSoon> {
         let mut entries = self.entries.lock();

@@ -1,4 +1,4 @@
-//! `GET /v1/sessions/{id}/stream`: upgrade, introduction, then the connection.
+//! `GET /v1/sessions/{id}/stream`: upgrade, `hello`, then the connection.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use crate::live::outbox::{Outbox, Progress};
 use crate::sessions::Member;
 use crate::state::ServiceState;
 
-/// Bytes of a picture in the socket's own buffer, a pixel; lossless pictures of noise stay below.
+/// Bytes per pixel that the write buffer of a socket holds for one frame; lossless frames of noise stay below.
 const BUFFER_BYTES_PER_PIXEL: usize = 4;
 /// Time for the client to answer a close message.
 const CLOSE_PATIENCE: Duration = Duration::from_secs(1);
@@ -83,8 +83,8 @@ async fn serve(state: ServiceState, session: String, socket: WebSocket, progress
     tracing::debug!(code, %reason, "closing");
     metrics::counter!("surfelcast_closes_total", "code" => code.to_string()).increment(1);
     outbox.close(code, &reason.to_string()).await;
-    // What the client still sends is read and dropped, lest the kernel resets the connection and with it the close
-    // message on its way.
+    // What the client still sends is read and dropped: otherwise the kernel would reset the connection and lose the
+    // close message that is on its way.
     let drained = async { while let Some(Ok(_)) = stream.next().await {} };
     let _ = tokio::time::timeout(CLOSE_PATIENCE, drained).await;
 }
@@ -96,7 +96,7 @@ async fn converse(
     stream: &mut SplitStream<WebSocket>,
     outbox: &Outbox,
 ) -> CloseReason {
-    let opened = match introduce(&state, session, stream).await {
+    let opened = match receive_hello(&state, session, stream).await {
         Ok((hello, member)) => Connection::open(state, member, hello, outbox).await,
         Err(reason) => Err(reason),
     };
@@ -107,7 +107,7 @@ async fn converse(
 }
 
 /// Waits for `hello` and joins the session.
-async fn introduce(
+async fn receive_hello(
     state: &ServiceState,
     session: &str,
     stream: &mut SplitStream<WebSocket>,

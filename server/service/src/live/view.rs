@@ -1,8 +1,8 @@
 //! A view: one camera in the renderer, and its frames.
 //!
-//! A view knows no client. It takes a state, which replaces the one before, hands out frames while one is wanted, and
-//! encodes what it is given; what it encodes is good for every socket that shows the view. The member that controls it
-//! and the window of each socket are other things ([`crate::live::connection`], [`crate::live::outbound`]).
+//! A view knows no client. It takes a state, which replaces the one before, delivers frames while one is requested,
+//! and encodes them; an encoded frame is the same for every socket that shows the view. The member that controls the
+//! view is apart ([`crate::live::connection`]), and so is what one socket is sent ([`crate::live::outbound`]).
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub(crate) enum EncodeError {
     Panicked(#[from] WorkFailed),
 }
 
-/// What a view has for its sockets.
+/// What a view delivers.
 #[derive(Debug)]
 pub(crate) enum ViewEvent {
     /// The renderer delivered a frame.

@@ -19,7 +19,7 @@ const DEFAULT_MAX_SAMPLES: u32 = 4096;
 /// Largest number of samples a pixel that a client may set.
 const MAX_SAMPLES: u32 = 1 << 20;
 
-/// A view as its client wants it.
+/// Settings of one view.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ViewSettings {
     pub(crate) camera: Camera,
@@ -168,17 +168,17 @@ mod tests {
     #[test]
     fn outputs_come_and_go() {
         let mut settings = ViewSettings::default();
-        let mut say = |aov: Option<Option<&str>>| {
+        let mut set_output = |aov: Option<Option<&str>>| {
             let set = ViewSet { aov: aov.map(|name| name.map(str::to_owned)), ..ViewSet::default() };
             settings.apply(&set, &Limits::default(), &["path"], &[]).expect("valid");
             settings.view_state(false, 1.0, 30.0, 0).aov
         };
-        assert_eq!(say(None), None);
-        assert_eq!(say(Some(Some("depth"))), Some(Aov::Depth));
-        assert_eq!(say(None), Some(Aov::Depth), "absent fields stay");
-        assert_eq!(say(Some(None)), None, "null goes back to radiance");
+        assert_eq!(set_output(None), None);
+        assert_eq!(set_output(Some(Some("depth"))), Some(Aov::Depth));
+        assert_eq!(set_output(None), Some(Aov::Depth), "absent fields stay");
+        assert_eq!(set_output(Some(None)), None, "null goes back to radiance");
         for (name, aov) in crate::live::outputs::live() {
-            assert_eq!(say(Some(Some(name))), Some(aov));
+            assert_eq!(set_output(Some(Some(name))), Some(aov));
         }
     }
 

@@ -42,7 +42,7 @@ pub(crate) enum Recorded {
     },
 }
 
-/// Audited error of every finished picture.
+/// Audited error of every finished render.
 const ERROR: ErrorEstimate = ErrorEstimate {
     rmse_tonemapped: 0.0125,
     rel_mse: 0.5,
@@ -59,7 +59,7 @@ pub(crate) struct FakeBehaviour {
     pub(crate) frame_time: Duration,
     /// Time for a job.
     pub(crate) job_time: Duration,
-    /// Time to look at a point.
+    /// Time to answer `inspect`.
     pub(crate) point_time: Duration,
     /// What lights a point; its position is that of the camera.
     pub(crate) inspection: Option<Inspection>,
@@ -263,7 +263,7 @@ impl Actor {
     }
 }
 
-/// Pixels that no codec makes small, so that bytes on the wire resemble those of a real picture.
+/// Pixels that no codec compresses well, so that the sizes of frames are realistic.
 fn noise(camera: &Camera, size: [u32; 2]) -> Vec<u8> {
     let mut state = camera.position.x.to_bits() | 1;
     (0..size[0] * size[1])

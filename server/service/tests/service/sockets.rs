@@ -11,7 +11,7 @@ use crate::support::{SOON, Service};
 
 async fn read_all(socket: &mut TcpStream) -> String {
     let mut bytes = Vec::new();
-    // A reset is as good an end as any.
+    // A reset ends the connection as well.
     let _ = tokio::time::timeout(SOON, socket.read_to_end(&mut bytes)).await.expect("the server ends the connection");
     String::from_utf8_lossy(&bytes).into_owned()
 }
@@ -53,7 +53,7 @@ async fn headers_that_drip_are_cut_off() {
 }
 
 #[tokio::test]
-async fn kept_connections_do_not_idle_for_ever() {
+async fn idle_keep_alive_connections_are_closed() {
     let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.header = Duration::from_millis(300)).await;
     let mut socket = TcpStream::connect(service.addr).await.expect("connects");
     socket.write_all(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").await.expect("writes");
@@ -123,7 +123,7 @@ async fn connections_are_counted() {
 }
 
 #[tokio::test]
-async fn a_client_that_does_not_read_its_answer_is_let_go() {
+async fn a_client_that_does_not_read_its_answer_is_disconnected() {
     let service =
         Service::with(FakeBehaviour::default(), |c| c.timeouts.write_stall = Duration::from_millis(300)).await;
     let body = json!({"scene": service.scene_id(), "width": 2048, "height": 1024, "seed": 3}).to_string();

@@ -1,4 +1,4 @@
-//! A well-behaved client: what it sees, and in what order.
+//! A client that keeps to the protocol: what it gets, and in which order.
 
 use std::time::Duration;
 
@@ -34,8 +34,8 @@ async fn from_hello_to_converged_and_then_nothing() {
             (header.frame_seq, header.view, header.rect, header.full_size),
             (i as u32 + 1, 0, [0, 0, 64, 48], [64, 48])
         );
-        let picture = image::load_from_memory(payload).expect("decodes");
-        assert_eq!((picture.width(), picture.height()), (64, 48));
+        let image = image::load_from_memory(payload).expect("decodes");
+        assert_eq!((image.width(), image.height()), (64, 48));
         let is_last = header.spp == 64;
         assert_eq!(header.codec, if is_last { Codec::Webp } else { Codec::Jpeg });
         assert_eq!(header.flags & (flags::STILL | flags::KEYFRAME), flags::STILL | flags::KEYFRAME);
@@ -47,7 +47,7 @@ async fn from_hello_to_converged_and_then_nothing() {
 }
 
 #[tokio::test]
-async fn moving_is_fast_and_lossy_then_it_settles_on_the_last_input() {
+async fn moving_frames_are_lossy_and_refinement_ends_on_the_last_input() {
     let service = Service::start().await;
     let mut client = service.client().await;
     client.small().await;
@@ -107,12 +107,12 @@ async fn cameras_are_private_and_lights_are_shared() {
     assert!(frames.iter().all(|(header, _)| header.scene_rev == 2), "frames say which lights they show");
     let frames = one.until_final().await;
     assert_eq!(frames.last().map(|(header, _)| (header.input_seq, header.scene_rev)), Some((9, 2)));
-    // The renderer hears of lights before any view that claims to show them.
+    // The renderer gets the lights before the view whose input contains them.
     let recorded = service.fake.recorded();
     let lights_at = recorded.iter().position(|t| *t == Recorded::Lights { scene_rev: 2, count: 1 }).expect("recorded");
     let view_at = recorded.iter().position(|t| matches!(t, Recorded::View { input_seq: 9, .. })).expect("recorded");
     assert!(lights_at < view_at, "{recorded:?}");
-    // Someone who comes later sees the same lights.
+    // A client that joins later gets the same lights.
     let mut three = service.connect().await;
     three.send(json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}})).await;
     assert_eq!(three.text("lights").await["lights"].as_array().map(Vec::len), Some(1));
@@ -123,7 +123,7 @@ async fn cameras_are_private_and_lights_are_shared() {
 }
 
 #[tokio::test]
-async fn picks_answer_for_the_picture_that_was_seen() {
+async fn picks_answer_for_the_acknowledged_frame() {
     let service = Service::start().await;
     let mut client = service.client().await;
     client.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
@@ -143,11 +143,11 @@ async fn picks_answer_for_the_picture_that_was_seen() {
 }
 
 #[tokio::test]
-async fn inspections_answer_for_the_picture_that_was_seen() {
+async fn inspections_answer_for_the_acknowledged_frame() {
     let service = Service::start().await;
     let mut client = service.client().await;
-    let ask = |id: u64, x: f64, y: f64| json!({"id": id, "t": "inspect", "view": 0, "x": x, "y": y});
-    client.send(ask(1, 0.5, 0.5)).await;
+    let inspect = |id: u64, x: f64, y: f64| json!({"id": id, "t": "inspect", "view": 0, "x": x, "y": y});
+    client.send(inspect(1, 0.5, 0.5)).await;
     assert_eq!(client.text("error").await["code"], "no_frame");
     client.small().await;
     client.until_final().await;
@@ -155,13 +155,13 @@ async fn inspections_answer_for_the_picture_that_was_seen() {
     client.until_final().await;
     // The camera moves on, but no frame of it is acknowledged yet.
     client.look_from(8.0, "end").await;
-    client.send(ask(2, 0.25, 0.75)).await;
+    client.send(inspect(2, 0.25, 0.75)).await;
     let answer = client.text("inspected").await;
     assert_eq!((answer["re"].as_u64(), answer["inspection"]["position"][0].as_f64()), (Some(2), Some(3.0)));
     assert_eq!(answer["inspection"]["coverage"], 1.5);
     assert_eq!(answer["inspection"]["contributions"][0]["id"], 7);
     assert!(service.fake.recorded().contains(&Recorded::Inspect { size: [64, 48], point: [0.25, 0.75] }));
-    for (message, field) in [(ask(3, 0.5, -0.1), "y"), (ask(3, 2.0, 0.5), "x")] {
+    for (message, field) in [(inspect(3, 0.5, -0.1), "y"), (inspect(3, 2.0, 0.5), "x")] {
         client.send(message).await;
         let error = client.text("error").await;
         assert_eq!((error["re"].as_u64(), error["code"].as_str()), (Some(3), Some("invalid_value")));
@@ -217,8 +217,18 @@ async fn points_looked_at_are_bounded() {
     assert_eq!(client.text("inspected").await["re"], 7, "there is room again");
 }
 
-/// The error stated with the final picture.
-async fn settled_error(client: &mut Client) -> Option<f64> {
+#[tokio::test]
+async fn settings_may_follow_hello_at_once() {
+    let service = Service::start().await;
+    let mut client = service.connect().await;
+    client.send(json!({"t": "hello", "v": [1], "caps": {"codecs": ["jpeg"]}})).await;
+    client.send(json!({"id": 1, "t": "view.set", "w": 64, "h": 48, "technique": "other"})).await;
+    assert_eq!(client.text("ok").await["re"], 1);
+    assert_eq!(client.frame().await.0.full_size, [64, 48]);
+}
+
+/// The error in the `stats` of the final frame.
+async fn final_error(client: &mut Client) -> Option<f64> {
     let stats = loop {
         let stats = client.text("stats").await;
         if stats["converged"] == true {
@@ -245,7 +255,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     assert_eq!(offered, live);
     client.small().await;
     client.until_final().await;
-    assert_eq!(settled_error(&mut client).await, Some(0.0125));
+    assert_eq!(final_error(&mut client).await, Some(0.0125));
     for bad in ["variance", "soul", ""] {
         client.send(json!({"id": 1, "t": "view.set", "aov": bad})).await;
         let error = client.text("error").await;
@@ -258,13 +268,13 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     client.send(json!({"id": 3, "t": "view.set", "aov": "surfel_coverage"})).await;
     assert_eq!(client.text("ok").await["re"], 3);
     client.until_final().await;
-    assert_eq!(settled_error(&mut client).await, None, "the audit is not of this output");
-    // Another wish leaves the output as it is.
+    assert_eq!(final_error(&mut client).await, None, "the audit is not of this output");
+    // Another setting leaves the output as it is.
     client.send(json!({"id": 4, "t": "view.set", "exposure": 2.0})).await;
     client.until_final().await;
     client.send(json!({"id": 5, "t": "view.set", "aov": null})).await;
     client.until_final().await;
-    assert_eq!(settled_error(&mut client).await, Some(0.0125));
+    assert_eq!(final_error(&mut client).await, Some(0.0125));
     let shown: Vec<Recorded> =
         service.fake.recorded().into_iter().filter(|recorded| matches!(recorded, Recorded::Shows(_))).collect();
     assert_eq!(shown, [Recorded::Shows(Aov::by_name("surfel_coverage")), Recorded::Shows(None)]);
@@ -274,7 +284,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
 async fn only_what_the_client_offers_is_sent() {
     let service = Service::start().await;
     let mut client = service.connect().await;
-    // Codecs of the future are skipped, not refused.
+    // Unknown codecs are skipped, not refused.
     client.hello(json!(["avif", "png"])).await;
     client.small().await;
     for (header, _) in client.until_final().await {
@@ -310,7 +320,7 @@ async fn stills_on_request_are_lossless_and_rare() {
                 is_lossless |= header.flags & flags::LOSSLESS != 0;
                 client.ack(header.frame_seq).await;
             }
-            // Frames on their way may make it wait; a client asks again.
+            // Frames in flight may refuse it; a client requests it again.
             Got::Text(value) if value["code"] == "busy" => client.send(json!({"id": 5, "t": "still"})).await,
             _ => {}
         }
@@ -336,7 +346,7 @@ async fn pings_are_answered_and_sent() {
         let ping = client.text("ping").await;
         client.send(json!({"t": "pong", "ts": ping["ts"]})).await;
     }
-    // Without a sign of life two pings are enough.
+    // Two pings without an answer end the connection.
     assert_eq!(client.close_code().await, 4408);
 }
 

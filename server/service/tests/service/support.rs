@@ -21,7 +21,7 @@ use tungstenite::{Message, client::IntoClientRequest};
 
 use crate::fake::{Fake, FakeBehaviour};
 
-/// Anything that should happen at once happens within this.
+/// Whatever should happen at once happens within this time.
 pub(crate) const SOON: Duration = Duration::from_secs(10);
 
 /// One triangle. `width` makes scenes of different content.
@@ -57,7 +57,7 @@ pub(crate) fn scene() -> Arc<Scene> {
     Arc::new(load_bytes(gltf(1.0).as_bytes(), "triangle", &LoadOptions::default()).expect("a valid scene"))
 }
 
-/// A service and the fake behind it.
+/// A service over a fake renderer.
 pub(crate) struct Service {
     pub(crate) state: ServiceState,
     pub(crate) fake: Fake,
@@ -116,7 +116,7 @@ impl Service {
         self.ask(request.body(body.into()).expect("a request")).await
     }
 
-    /// Opens a WebSocket without saying anything.
+    /// Opens a WebSocket and sends nothing.
     pub(crate) async fn connect(&self) -> Client {
         self.connect_to(&self.session()).await
     }
@@ -126,7 +126,7 @@ impl Service {
         Client::upgrade(socket, self.addr, session).await.expect("upgrades")
     }
 
-    /// Opens a WebSocket and says hello; `welcome` and the first `lights` are taken in.
+    /// Opens a WebSocket and sends `hello`; `welcome` and the first `lights` are received.
     pub(crate) async fn client(&self) -> Client {
         let mut client = self.connect().await;
         client.hello(json!(["webp", "jpeg", "png"])).await;
@@ -178,7 +178,7 @@ pub(crate) async fn ask(router: Router, request: Request<Body>) -> Answer {
     Answer { status: parts.status, headers: parts.headers, body }
 }
 
-/// A browser's stand-in.
+/// A client in place of a browser.
 pub(crate) struct Client {
     pub(crate) ws: WebSocketStream<MaybeTlsStream<TcpStream>>,
     pub(crate) welcome: Value,
@@ -214,7 +214,7 @@ impl Client {
     }
 
     pub(crate) async fn send_text(&mut self, text: impl Into<String>) {
-        // The server may have closed already; tests then look at how.
+        // The server may have closed already; tests then check the close code.
         let _ = self.ws.send(Message::text(text.into())).await;
     }
 
@@ -298,7 +298,7 @@ impl Client {
         self.send(json!({"t": "view.set", "w": 64, "h": 48})).await;
     }
 
-    /// The code the server closes with; whatever comes before is dropped.
+    /// The close code of the server; earlier messages are dropped.
     pub(crate) async fn close_code(&mut self) -> u16 {
         loop {
             match self.next().await {
