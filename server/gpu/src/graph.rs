@@ -210,14 +210,18 @@ impl PassBuilder<'_> {
         if self.kernel.binds(name) { self.read_write(name, buffer) } else { self }
     }
 
+    /// Binds the buffer with the access that the kernel declares.
+    pub fn bind(self, name: &str, buffer: &Buffer) -> Self {
+        let bindings = &self.kernel.reflection().bindings;
+        match bindings.iter().find(|binding| binding.name == name).map(|binding| binding.access) {
+            Some(Access::StorageReadWrite) => self.read_write(name, buffer),
+            _ => self.read(name, buffer),
+        }
+    }
+
     /// Binds the buffer with the access that the kernel declares, if this variant of it has such a binding.
     pub fn bind_if_bound(self, name: &str, buffer: &Buffer) -> Self {
-        let access = self.kernel.reflection().bindings.iter().find(|binding| binding.name == name).map(|b| b.access);
-        match access {
-            Some(Access::StorageRead) => self.read(name, buffer),
-            Some(Access::StorageReadWrite) => self.read_write(name, buffer),
-            _ => self,
-        }
+        if self.kernel.binds(name) { self.bind(name, buffer) } else { self }
     }
 
     /// Binds a target that was drawn before.

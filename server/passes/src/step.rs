@@ -2,6 +2,8 @@
 
 use surfelcast_gpu::PassTime;
 
+use crate::merge_passes;
+
 /// Bounds of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepBudget {
@@ -27,4 +29,16 @@ pub struct Step {
     pub non_finite: u64,
     /// Passes with their times.
     pub passes: Vec<PassTime>,
+}
+
+impl Step {
+    /// Adds paths, rays and times of a part of this step; whether the step is whole does not follow from it.
+    pub fn add(&mut self, part: Self) {
+        self.paths += part.paths;
+        for (sum, count) in self.rays.iter_mut().zip(part.rays) {
+            *sum += count;
+        }
+        self.non_finite += part.non_finite;
+        merge_passes(&mut self.passes, part.passes);
+    }
 }

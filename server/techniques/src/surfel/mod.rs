@@ -9,31 +9,19 @@
 
 mod cache;
 mod direct;
-mod filing;
-mod fill;
 mod filter;
-mod graph;
-mod grid;
-mod image;
-mod look;
-mod picture;
+mod frame;
 mod reuse;
 mod settings;
 mod settle;
-mod snapshot;
-mod spawn;
-mod splat;
-mod update;
-mod work;
+mod view;
 
-pub use cache::SurfelCache;
-pub use graph::MeasuredDifference;
-pub use look::SurfelOutput;
+pub use cache::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity, SurfelCache};
 pub use reuse::EarlierFrame;
 pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
-pub use snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
+pub use view::SurfelOutput;
 
-use crate::surfel::picture::SurfelPicture;
+use crate::surfel::view::SurfelView;
 use crate::technique::{Conformance, TechniqueEntry};
 
 /// Registry line.
@@ -47,9 +35,7 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     kernels: kernels_for,
     uses_surfels: true,
     needs: |_| Ok(()),
-    create: |gpu, scene, lights, session, options| {
-        Ok(Box::new(SurfelPicture::new(gpu, scene, lights, session, options)?))
-    },
+    create: |gpu, scene, lights, session, options| Ok(Box::new(SurfelView::new(gpu, scene, lights, session, options)?)),
 };
 
 /// What every picture runs.
@@ -78,11 +64,11 @@ const KERNELS: &[&str] = &[
 fn kernels_for(settings: &SurfelSettings) -> Vec<&'static str> {
     let optional = [
         (settings.reconstruction.shows_means(), &["surfel_share"][..]),
-        (!settings.reconstruction.shows_means(), graph::VALUE_KERNELS),
-        (settings.reconstruction.uses_graph(), graph::KERNELS),
-        (settings.reconstruction.measures_differences(), graph::DIFFERENCE_KERNELS),
-        (settings.reconstruction == Reconstruction::Poisson, graph::SOLVE_KERNELS),
-        (settings.reconstruction == Reconstruction::Image, image::KERNELS),
+        (!settings.reconstruction.shows_means(), cache::VALUE_KERNELS),
+        (settings.reconstruction.uses_graph(), cache::KERNELS),
+        (settings.reconstruction.measures_differences(), cache::DIFFERENCE_KERNELS),
+        (settings.reconstruction == Reconstruction::Poisson, cache::SOLVE_KERNELS),
+        (settings.reconstruction == Reconstruction::Image, view::IMAGE_KERNELS),
         (settings.bins_rays, &["surfel_bin_count", "surfel_bin_scatter"]),
         (settings.initial != Initial::Gaps, &["surfel_seed"]),
     ];

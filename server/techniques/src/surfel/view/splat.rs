@@ -1,32 +1,32 @@
-//! Surfels drawn onto the picture instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways side by side.
+//! Surfels drawn onto the image instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways, to compare them.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime, Target};
-use surfelcast_shaders::Features;
-use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
-
-use crate::surfel::cache::{SurfelCache, cache_camera};
-use crate::surfel::settings::Apply;
 use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::upload::SceneBuffers;
 use surfelcast_passes::workgroups_of;
+use surfelcast_shaders::Features;
+use surfelcast_shaders::layout::bytemuck;
+use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
+
+use crate::surfel::cache::{CacheCamera, SurfelCache};
+use crate::surfel::settings::Apply;
 
 /// Kernels read the sums of drawn surfels instead of gathering.
 pub(crate) const SPLAT: Features = Features::ALTERNATE;
 
-/// What the sums of a picture are drawn with and into.
+/// The kernel that draws surfels, and the targets of an image that they add up in.
 #[derive(Debug)]
 pub(crate) struct Splat {
     kernel: Kernel,
-    /// Triangle corners of one surfel.
+    /// Triangle vertices of one surfel.
     corners: u32,
-    /// Weighted B of bounced light with the weights, and of light that did not bounce.
+    /// Weighted irradiance over pi of indirect light, with the sum of weights, and that of direct light.
     sums: [Target; 2],
 }
 
 impl Splat {
-    /// What `apply` needs, nothing for a gather. Fails on a device that cannot draw, saying what it lacks.
+    /// `None` if pixels gather. Fails on a device that cannot draw, with what it lacks.
     pub(crate) fn new(gpu: &Gpu, apply: Apply, size: [u32; 2]) -> Result<Option<Self>, GpuError> {
         let (name, corners) = match apply {
             Apply::Gather => return Ok(None),
@@ -34,12 +34,12 @@ impl Splat {
             Apply::Quads => ("surfel_quads", 6),
         };
         let target = |label| gpu.target(label, MemoryKind::View, size);
-        // Neither scene nor materials matter for these kernels.
+        // These kernels depend neither on the scene nor on its materials.
         let kernel = gpu.kernel(name, Features::NONE)?;
         Ok(Some(Self { kernel, corners, sums: [target("splat_indirect")?, target("splat_direct")?] }))
     }
 
-    /// Records the drawing of every living surfel.
+    /// Draws every live surfel.
     pub(crate) fn record(
         &self,
         graph: &mut Graph,
@@ -50,13 +50,13 @@ impl Splat {
     ) -> Result<(), GpuError> {
         let [indirect, direct] = &self.sums;
         // 2^22 surfels, the most that fit, have 36 * 2^22 corners: no overflow.
+        let [live, _] = cache.counts();
         cache
-            .bind(graph.pass(&self.kernel))
+            .bind_surfels(cache.bind(graph.pass(&self.kernel)))
             .uniform("cache", bytemuck::bytes_of(uniforms))
             .uniform("frame", frame)
-            .read("visible_points", points)
-            .read("surfel_lists", &cache.lists)
-            .draw(cache.live * self.corners, &[indirect, direct])
+            .bind("visible_points", points)
+            .draw(live * self.corners, &[indirect, direct])
     }
 
     /// Binds the sums for a kernel that reads them.
@@ -67,8 +67,8 @@ impl Splat {
 }
 
 impl SurfelCache {
-    /// B (rgb) and the trust in it (w) at each visible point, `vec4f` by pixel, as a frame of `seed` would apply the cache; and
-    /// the passes with their times: camera rays, drawing where there is any, applying.
+    /// Irradiance over pi (rgb) and the trust in it (w) at each visible point, `vec4f` by pixel, as a frame of `seed` would
+    /// apply the cache; and the passes with their times: visibility, drawing where there is any, applying.
     #[allow(clippy::too_many_arguments, reason = "scene, lights and view are separate owners")]
     pub fn apply(
         &mut self,
@@ -88,7 +88,7 @@ impl SurfelCache {
         let points = buffer("visible_points", size_of::<VisiblePoint>())?;
         let applied = buffer("applied", 16)?;
         let camera = self.add_camera(false);
-        self.set_camera(camera, cache_camera(view, scene.origin, view.size), view.exposure);
+        self.set_camera(camera, CacheCamera::of_view(view, scene.origin, view.size), view.exposure);
         let uniforms = self.uniforms(0);
         self.remove_camera(camera);
         let mut frame = view.uniforms(scene, lights, features, seed);
@@ -99,21 +99,21 @@ impl SurfelCache {
             .bind(scene.bind(graph.pass(&gpu.kernel("surfel_visibility", features)?)))
             .uniform("frame", frame)
             .uniform("cache", bytemuck::bytes_of(&uniforms))
-            .read_write("visible", &visible)
-            .read_write("visible_points", &points)
+            .bind("visible", &visible)
+            .bind("visible_points", &points)
             .dispatch(workgroups_of(pixel_count))?;
         if let Some(splat) = &splat {
             splat.record(&mut graph, self, &uniforms, frame, &points)?;
         }
         let kernel = gpu.kernel("surfel_apply", features)?;
-        let mut pass = self.bind(graph.pass(&kernel)).uniform("frame", frame).read("visible_points", &points);
+        let mut pass = self.bind(graph.pass(&kernel)).uniform("frame", frame).bind("visible_points", &points);
         if splat.is_none() {
             pass = pass.uniform("cache", bytemuck::bytes_of(&uniforms));
         }
         if let Some(splat) = &splat {
             pass = splat.bind(pass);
         }
-        pass.read_write("applied", &applied).dispatch(workgroups_of(pixel_count))?;
+        pass.bind("applied", &applied).dispatch(workgroups_of(pixel_count))?;
         let report = graph.submit()?.wait()?;
         Ok((applied, report.passes))
     }

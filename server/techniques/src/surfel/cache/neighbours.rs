@@ -1,52 +1,54 @@
-//! Reconstruction on the graph of surfels: from what each measured to what is shown.
+//! Neighbours of surfels, and the reconstruction over them: from what each surfel measured to what is shown.
 //!
 //! Neighbours are joined by edges. Rays reconnected to a neighbour measure the difference along an edge; a local regression
-//! says what the neighbours make one expect; the solve weighs values and differences against each other by their variances.
+//! predicts a value from those of the neighbours; the solve weights values and differences by their inverse variances.
 //! Formulas are with the kernels in `shaders/techniques/surfel/graph/`.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind, PassBuilder};
-use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::{FirstHit, SurfelEdge, SurfelUniforms};
-
-use crate::surfel::cache::SurfelCache;
-use crate::surfel::settings::Reconstruction;
-use crate::surfel::snapshot::read;
-use crate::surfel::work::Work;
-use crate::technique::TechniqueError;
 use surfelcast_passes::kernels::KernelSet;
 use surfelcast_passes::workgroups_of;
+use surfelcast_shaders::records::{FirstHit, SurfelEdge, SurfelUniforms};
 
-/// What every reconstruction runs.
+use super::SurfelCache;
+use super::snapshot::read;
+use super::work::Work;
+use crate::surfel::settings::Reconstruction;
+
+/// Kernels of every reconstruction over neighbours.
 pub(crate) const KERNELS: &[&str] =
     &["graph_choose", "graph_join", "graph_checkpoint", "graph_moments", "graph_pool", "graph_statistics"];
-/// What measured differences take.
+/// Kernels that measure differences.
 pub(crate) const DIFFERENCE_KERNELS: &[&str] = &["graph_shift", "graph_learn", "graph_link"];
-/// What new values of surfels take.
+/// Kernels that give surfels new values.
 pub(crate) const VALUE_KERNELS: &[&str] = &["graph_regress", "graph_blend", "graph_output"];
-/// What a solve for those takes.
+/// Kernels of the solve for those values.
 pub(crate) const SOLVE_KERNELS: &[&str] =
     &["graph_scales", "graph_shrink", "graph_residual", "graph_product", "graph_advance", "graph_turn"];
 
 /// Slots of edges for each surfel.
-pub(crate) const EDGE_SLOTS: u64 = 8;
+pub(super) const EDGE_SLOTS: u64 = 8;
 /// Bytes of a shifted ray.
 const SHIFT_BYTES: u64 = 16;
-/// Edges that statistics of a ray reach, and those of the variance that values are weighed by.
+/// Number of edges over which statistics of a ray are pooled, and over which the variance that weights values is.
 const NEAR_RINGS: u32 = 2;
 const WIDE_RINGS: u32 = 6;
-/// Regressions one after the other: the second makes its values of the first one's, and so reaches about twenty neighbours.
+/// Regressions in sequence: the second regresses over the results of the first and so reaches about twenty neighbours.
 const REGRESSIONS: usize = 2;
-/// Steps of the solve in one update; it goes on from the last update's solution.
+/// Steps of the solve in one update, which starts from the last update's solution.
 const ITERATIONS: u32 = 4;
-/// Invocations of a workgroup that sums, workgroups at most, and regions of their sums.
+/// Invocations of a summing workgroup, largest number of workgroups, and regions of their sums.
 const SUM_LANES: u32 = 256;
 const SUM_GROUPS: u32 = 256;
 const SUM_REGIONS: u64 = 4;
+/// Rebuild edges when 1/32 of the live surfels are new, or after four updates.
+const EDGE_NEW_SHARE: u32 = 32;
+const EDGE_UPDATES: u32 = 4;
 
-/// Device memory of the graph, by surfel unless it says otherwise.
+/// Device memory of the edges and of the reconstruction over them, by surfel unless it says otherwise.
 #[derive(Debug)]
-pub(crate) struct SurfelGraph {
-    /// Eight slots each.
+pub(super) struct Neighbours {
+    built: EdgesBuilt,
+    /// [`EDGE_SLOTS`] each.
     edges: Buffer,
     links: Buffer,
     chosen: Buffer,
@@ -59,20 +61,20 @@ pub(crate) struct SurfelGraph {
     solutions: Buffer,
     pools: [Buffer; 2],
     partial_sums: Buffer,
-    /// Where differences are measured.
+    /// `Some` where differences are measured.
     shifted: Option<Shifted>,
-    /// Where they are solved for.
+    /// `Some` where the solve weights values and differences.
     solve: Option<Solve>,
 }
 
-/// What measuring differences takes beside that, by ray.
+/// Memory for measuring differences, by ray.
 #[derive(Debug)]
 struct Shifted {
     first_hits: Buffer,
     shifts: Buffer,
 }
 
-/// What solving for them takes.
+/// Memory of the solve.
 #[derive(Debug)]
 struct Solve {
     residuals: Buffer,
@@ -80,8 +82,8 @@ struct Solve {
     products: Buffer,
 }
 
-impl SurfelGraph {
-    pub(crate) fn new(gpu: &Gpu, capacity: u64, reconstruction: Reconstruction) -> Result<Self, GpuError> {
+impl Neighbours {
+    pub(super) fn new(gpu: &Gpu, capacity: u64, reconstruction: Reconstruction) -> Result<Self, GpuError> {
         let buffer = |label, bytes| cleared(gpu, label, bytes);
         let by_surfel = |label| buffer(label, capacity * 16);
         let shifted = if reconstruction.measures_differences() {
@@ -102,6 +104,7 @@ impl SurfelGraph {
             None
         };
         Ok(Self {
+            built: EdgesBuilt::default(),
             edges: buffer("surfel_edges", capacity * EDGE_SLOTS * size_of::<SurfelEdge>() as u64)?,
             links: buffer("node_links", capacity * EDGE_SLOTS * 16)?,
             chosen: by_surfel("chosen")?,
@@ -119,8 +122,8 @@ impl SurfelGraph {
         })
     }
 
-    /// Makes room for so many rays, where they are shifted.
-    pub(crate) fn reserve(&mut self, gpu: &Gpu, rays: u64) -> Result<(), GpuError> {
+    /// Makes room for `rays` rays, where they are shifted.
+    pub(super) fn reserve(&mut self, gpu: &Gpu, rays: u64) -> Result<(), GpuError> {
         if let Some(shifted) = &mut self.shifted
             && shifted.shifts.size_bytes() < rays * SHIFT_BYTES
         {
@@ -130,23 +133,28 @@ impl SurfelGraph {
         Ok(())
     }
 
-    /// What the next update goes on from and no other pass makes anew: 16 bytes a surfel each, of floats.
-    pub(crate) fn kept_numbers(&self) -> [&Buffer; 2] {
+    /// Floats that the next update starts from and that no other pass computes again, 16 bytes a surfel each.
+    pub(super) fn kept_numbers(&self) -> [&Buffer; 2] {
         [&self.checkpoints, &self.solutions]
     }
 
-    /// [`EDGE_SLOTS`] of `SurfelEdge` a surfel.
-    pub(crate) fn edges(&self) -> &Buffer {
+    /// [`EDGE_SLOTS`] of `SurfelEdge` for each surfel.
+    pub(super) fn edges(&self) -> &Buffer {
         &self.edges
     }
 
-    /// Where rays first hit something, where anybody asks.
-    pub(crate) fn first_hits(&self) -> Option<&Buffer> {
+    /// Whether edges carry measured differences.
+    pub(super) fn measures_differences(&self) -> bool {
+        self.shifted.is_some()
+    }
+
+    /// First hits of the rays, where differences are measured.
+    pub(super) fn first_hits(&self) -> Option<&Buffer> {
         self.shifted.as_ref().map(|shifted| &shifted.first_hits)
     }
 
     /// Slope of each surfel: by `graph_regress`, or by `image_slopes` where light is reconstructed in the image.
-    pub(crate) fn slopes(&self) -> &Buffer {
+    pub(super) fn slopes(&self) -> &Buffer {
         &self.gradients
     }
 }
@@ -159,36 +167,52 @@ fn cleared(gpu: &Gpu, label: &str, bytes: u64) -> Result<Buffer, GpuError> {
     Ok(buffer)
 }
 
-/// Workgroups that sum over so many surfels.
+/// State of the cache when edges were last rebuilt.
+#[derive(Clone, Copy, Debug, Default)]
+struct EdgesBuilt {
+    update: u32,
+    live: u32,
+    next_serial: u32,
+    /// Surfels were recycled since the cache was made: new surfels take their ids, in whose slots edges of others remain.
+    has_reused_ids: bool,
+}
+
+impl EdgesBuilt {
+    /// Whether edges must be rebuilt now, which is then recorded: at once after surfels were recycled, for new ones when
+    /// they are many or have waited for a few updates. Until then a surfel without edges shows its own mean.
+    fn begin_rebuild_if_due(&mut self, update: u32, live: u32, next_serial: u32) -> bool {
+        let new = next_serial.wrapping_sub(self.next_serial);
+        let has_recycled = live < self.live.saturating_add(new);
+        let is_first = self.next_serial == 0;
+        let has_reused_ids = !is_first && has_recycled || self.has_reused_ids;
+        let is_many = new.saturating_mul(EDGE_NEW_SHARE) >= live;
+        let is_old = update.wrapping_sub(self.update) >= EDGE_UPDATES;
+        let is_due = is_first || has_recycled || new > 0 && (is_many || is_old || has_reused_ids);
+        if is_due {
+            *self = Self { update, live, next_serial, has_reused_ids };
+        }
+        is_due
+    }
+}
+
+/// Workgroups that sum over `live` surfels.
 fn sum_groups(live: u32) -> [u32; 3] {
     [live.div_ceil(SUM_LANES).clamp(1, SUM_GROUPS), 1, 1]
 }
 
 impl SurfelCache {
-    /// A pass over the graph with whatever its kernel asks for. Sums are pooled from `pools.0` into `pools.1`.
-    fn graph_pass<'g>(
+    /// A pass over surfels and their edges. Sums are pooled from `pools.0` into `pools.1`.
+    fn neighbour_pass<'g>(
         &self,
         graph: &'g mut Graph,
         kernels: &KernelSet,
         name: &str,
-        uniforms: &[u8],
+        uniforms: &SurfelUniforms,
         pools: (usize, usize),
-    ) -> Result<PassBuilder<'g>, TechniqueError> {
-        let nodes = self.graph.as_ref().ok_or_else(|| GpuError::Validation {
-            context: "surfel graph".to_owned(),
-            message: format!("`{name}` runs without one"),
-        })?;
+    ) -> Result<PassBuilder<'g>, GpuError> {
+        let pass = self.pass(graph, kernels, name, uniforms)?;
+        let Some(nodes) = &self.neighbours else { return Ok(pass) };
         let named = [
-            ("surfel_lists", &self.lists),
-            ("surfel_lights", &self.lights),
-            ("surfels", &self.records),
-            ("surfel_grid", &self.grid),
-            ("surfel_tiles", &self.tiles),
-            ("surfel_outputs", &self.outputs),
-            ("outputs", &self.outputs),
-            ("scan_values", &self.values),
-            ("rays", &self.rays),
-            ("counters", &self.counters),
             ("surfel_edges", &nodes.edges),
             ("chosen", &nodes.chosen),
             ("node_links", &nodes.links),
@@ -204,8 +228,7 @@ impl SurfelCache {
             ("to_pool", &nodes.pools[pools.1]),
             ("partial_sums", &nodes.partial_sums),
         ];
-        let of_shifts =
-            nodes.shifted.as_ref().map(|shifted| [("first_hits", &shifted.first_hits), ("shifts", &shifted.shifts)]);
+        let of_shifts = nodes.shifted.as_ref().map(|shifted| ("shifts", &shifted.shifts));
         let of_solve = nodes.solve.as_ref().map(|solve| {
             [
                 ("node_residuals", &solve.residuals),
@@ -213,74 +236,69 @@ impl SurfelCache {
                 ("node_products", &solve.products),
             ]
         });
-        let pass = graph.pass(kernels.get(name)?).uniform("cache", uniforms);
-        let all = named.into_iter().chain(of_shifts.into_iter().flatten()).chain(of_solve.into_iter().flatten());
+        let all = named.into_iter().chain(of_shifts).chain(of_solve.into_iter().flatten());
         Ok(all.fold(pass, |pass, (name, buffer)| pass.bind_if_bound(name, buffer)))
     }
 
-    /// Joins the living surfels to their neighbours anew; edges that stay keep what they have learnt.
-    pub(crate) fn record_edges(&self, graph: &mut Graph, kernels: &KernelSet) -> Result<(), TechniqueError> {
-        if self.graph.is_none() || self.live == 0 {
-            return Ok(());
-        }
-        let uniforms = self.uniforms(0);
-        for name in ["graph_choose", "graph_join"] {
-            self.graph_pass(graph, kernels, name, bytemuck::bytes_of(&uniforms), (0, 1))?
-                .dispatch(workgroups_of(self.live))?;
+    /// Whether edges carry measured differences.
+    pub(super) fn measures_differences(&self) -> bool {
+        self.neighbours.as_ref().is_some_and(Neighbours::measures_differences)
+    }
+
+    /// Joins the live surfels to their neighbours again if that is due; edges that stay keep what they measured.
+    pub(super) fn record_edges(&mut self, graph: &mut Graph, kernels: &KernelSet) -> Result<(), GpuError> {
+        let (update, live, next_serial) = (self.updates.number, self.live, self.next_serial);
+        let is_due = self
+            .neighbours
+            .as_mut()
+            .is_some_and(|neighbours| neighbours.built.begin_rebuild_if_due(update, live, next_serial));
+        if is_due {
+            for name in ["graph_choose", "graph_join"] {
+                self.neighbour_pass(graph, kernels, name, &self.uniforms(0), (0, 1))?.dispatch(workgroups_of(live))?;
+            }
         }
         Ok(())
     }
 
     /// Reconnects a range of the update's rays to neighbours.
-    pub(crate) fn record_shifts(
+    pub(super) fn record_shifts(
         &self,
         graph: &mut Graph,
         work: &Work<'_>,
         frame: &[u8],
         uniforms: &SurfelUniforms,
-    ) -> Result<(), TechniqueError> {
-        if !self.measures_differences() {
-            return Ok(());
-        }
-        let pass = self.graph_pass(graph, work.kernels, "graph_shift", bytemuck::bytes_of(uniforms), (0, 1))?;
-        let groups = [uniforms.item_count.div_ceil(64), 1, 1];
-        work.lights.bind(work.scene.bind(pass)).uniform("frame", frame).dispatch(groups)?;
-        Ok(())
+    ) -> Result<(), GpuError> {
+        let pass = self.neighbour_pass(graph, work.kernels, "graph_shift", uniforms, (0, 1))?;
+        work.bind_scene(pass).uniform("frame", frame).dispatch([uniforms.item_count.div_ceil(64), 1, 1])
     }
 
-    /// Whether edges carry measured differences.
-    pub(crate) fn measures_differences(&self) -> bool {
-        self.graph.as_ref().is_some_and(|graph| graph.shifted.is_some())
-    }
-
-    /// From the surfels' means, and the edges' differences where they are measured, to what gathers read; or to slopes alone,
+    /// From the surfels' means, and the edges' differences where they are measured, to what lookups read; or to slopes alone,
     /// where light is reconstructed in the image.
-    pub(crate) fn record_reconstruction(
+    pub(super) fn record_neighbours(
         &self,
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
-    ) -> Result<(), TechniqueError> {
+    ) -> Result<(), GpuError> {
         let each = workgroups_of(self.live);
         let summing = sum_groups(self.live);
         let measures = self.measures_differences();
-        let solves = self.graph.as_ref().is_some_and(|graph| graph.solve.is_some());
+        let solves = self.neighbours.as_ref().is_some_and(|neighbours| neighbours.solve.is_some());
         let passes = std::array::from_fn::<_, REGRESSIONS, _>(|pass| SurfelUniforms {
             first_item: pass as u32,
             item_count: REGRESSIONS as u32,
             ..*uniforms
         });
-        let mut run_as =
-            |pass: usize, name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), TechniqueError> {
-                Ok(self.graph_pass(graph, kernels, name, bytemuck::bytes_of(&passes[pass]), pools)?.dispatch(groups)?)
-            };
+        let mut run_as = |pass: usize, name: &str, pools: (usize, usize), groups: [u32; 3]| -> Result<(), GpuError> {
+            self.neighbour_pass(graph, kernels, name, &passes[pass], pools)?.dispatch(groups)
+        };
         let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| run_as(0, name, pools, groups);
         if measures {
             run("graph_learn", (0, 1), each)?;
         }
         run("graph_checkpoint", (0, 1), each)?;
         run("graph_moments", (1, 0), each)?;
-        // Only the solve weighs values, by a variance from far around. An even number of rings leaves the sums in the first pool.
+        // Only the solve weights values, by a widely pooled variance. An even number of rings leaves the sums in the first pool.
         for ring in 0..if solves { WIDE_RINGS } else { NEAR_RINGS } {
             let from = ring as usize % 2;
             run("graph_pool", (from, 1 - from), each)?;
@@ -288,7 +306,7 @@ impl SurfelCache {
                 run("graph_statistics", (1 - from, from), each)?;
             }
         }
-        if self.settings().reconstruction.shows_means() {
+        if self.settings.reconstruction.shows_means() {
             run("graph_link", (1, 0), each)?;
             return run("image_slopes", (0, 1), each);
         }
@@ -309,23 +327,22 @@ impl SurfelCache {
             run("graph_residual", (0, 1), summing)?;
             self.record_iterations(graph, kernels, uniforms)?;
         }
-        self.graph_pass(graph, kernels, "graph_output", bytemuck::bytes_of(uniforms), (0, 1))?.dispatch(each)?;
-        Ok(())
+        self.neighbour_pass(graph, kernels, "graph_output", uniforms, (0, 1))?.dispatch(each)
     }
+
     /// Steps of the solve.
     fn record_iterations(
         &self,
         graph: &mut Graph,
         kernels: &KernelSet,
         uniforms: &SurfelUniforms,
-    ) -> Result<(), TechniqueError> {
+    ) -> Result<(), GpuError> {
         for iteration in 0..ITERATIONS {
             let uniforms = SurfelUniforms { first_item: iteration, ..*uniforms };
             for name in ["graph_product", "graph_advance", "graph_turn"] {
                 // After the last step no direction is needed.
                 if name != "graph_turn" || iteration + 1 < ITERATIONS {
-                    self.graph_pass(graph, kernels, name, bytemuck::bytes_of(&uniforms), (0, 1))?
-                        .dispatch(sum_groups(self.live))?;
+                    self.neighbour_pass(graph, kernels, name, &uniforms, (0, 1))?.dispatch(sum_groups(self.live))?;
                 }
             }
         }
@@ -336,9 +353,9 @@ impl SurfelCache {
 /// What reconnected rays measured between two surfels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredDifference {
-    /// Places in the list of [`SurfelCache::export`].
+    /// Indices into the list of [`SurfelCache::export`].
     pub ends: [u32; 2],
-    /// B at the second end minus B at the first.
+    /// Irradiance over pi at the second end minus that at the first.
     pub difference: [f32; 3],
     /// Variance of its luminance.
     pub variance: f32,
@@ -347,11 +364,13 @@ pub struct MeasuredDifference {
 }
 
 impl SurfelCache {
-    /// Every edge of the graph that both ends have measured, once. Empty without reconstruction by differences.
+    /// Every edge that both ends have measured, once. Empty where no differences are measured.
     pub fn measured_differences(&self, gpu: &Gpu) -> Result<Vec<MeasuredDifference>, GpuError> {
-        let Some(graph) = self.graph.as_ref().filter(|graph| graph.shifted.is_some()) else { return Ok(Vec::new()) };
-        let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
-        let edges: Vec<SurfelEdge> = read(gpu, &graph.edges, u64::from(self.used) * EDGE_SLOTS)?;
+        let Some(neighbours) = self.neighbours.as_ref().filter(|it| it.measures_differences()) else {
+            return Ok(Vec::new());
+        };
+        let ids: Vec<u32> = read(gpu, &self.memory.lists, u64::from(self.live))?;
+        let edges: Vec<SurfelEdge> = read(gpu, &neighbours.edges, u64::from(self.used) * EDGE_SLOTS)?;
         let slots_of = |id: u32| edges.iter().skip(id as usize * EDGE_SLOTS as usize).take(EDGE_SLOTS as usize);
         let place_of = |id: u32| ids.binary_search(&id).ok().map(|place| place as u32);
         let mut found = Vec::new();
@@ -371,5 +390,22 @@ impl SurfelCache {
             }
         }
         Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_rebuilt_at_once_after_recycling_and_later_for_a_few_new_surfels() {
+        let mut built = EdgesBuilt::default();
+        assert!(built.begin_rebuild_if_due(1, 1000, 1001), "the first edges");
+        assert!(!built.begin_rebuild_if_due(2, 1000, 1001), "nothing changed");
+        assert!(!built.begin_rebuild_if_due(2, 1010, 1011), "ten new ones wait");
+        assert!(built.begin_rebuild_if_due(5, 1010, 1011), "for four updates");
+        assert!(built.begin_rebuild_if_due(6, 1110, 1111), "a hundred do not wait");
+        assert!(built.begin_rebuild_if_due(6, 1100, 1111), "ten were recycled");
+        assert!(built.begin_rebuild_if_due(6, 1101, 1112), "a new one may have an id of theirs");
     }
 }

@@ -2,11 +2,11 @@
 
 use surfelcast_shaders::constants::SURFEL_GRID_OCTAVES;
 
-use crate::surfel::cache::CacheCamera;
+use super::cameras::CacheCamera;
 
 /// Radii of a surfel that a cell of the trapezoidal grid is wide.
 const CELL_RADII: f32 = 4.0;
-/// Slots of cascades for each surfel: a few surfels share a cell and each lies in several, so that few cells share a slot.
+/// Slots of cascades for each surfel: a few surfels share a cell and each overlaps several, so that few cells share a slot.
 const SLOTS_PER_SURFEL: u32 = 8;
 const FEWEST_SLOTS: u32 = 1 << 12;
 /// Cells along a side of the trapezoidal grid's cube.
@@ -14,28 +14,29 @@ const CELLS_RANGE: [f32; 2] = [8.0, 64.0];
 
 /// Shape of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct GridShape {
+pub(super) struct GridShape {
     /// Slots.
-    pub(crate) slots: u32,
+    pub(super) slots: u32,
     /// Of the trapezoidal grid: cells along each side of its cube.
-    pub(crate) cells: u32,
+    pub(super) cells: u32,
     /// Slices of each region around that.
-    pub(crate) slices: u32,
+    pub(super) slices: u32,
     /// Its centre, scene space.
-    pub(crate) center: [f32; 3],
+    pub(super) center: [f32; 3],
     /// Half the edge of its cube, metres.
-    pub(crate) half_edge: f32,
+    pub(super) half_edge: f32,
 }
 
 impl GridShape {
-    /// Hashed cascades for so many surfels, with a power of two of slots, and so many at most.
-    pub(crate) fn cascades(surfels: u32, most_slots: u32) -> Self {
+    /// Hashed cascades for `surfels` surfels. The number of slots is a power of two, at most `most_slots`.
+    pub(super) fn cascades(surfels: u32, most_slots: u32) -> Self {
         let slots = surfels.saturating_mul(SLOTS_PER_SURFEL).max(FEWEST_SLOTS).min(most_slots).next_power_of_two();
         Self { slots, cells: 0, slices: 0, center: [0.0; 3], half_edge: 0.0 }
     }
 
-    /// The trapezoidal grid around a camera, with cells of a few radii as that sees them, out to the far end of the scene.
-    pub(crate) fn trapezoidal(camera: CacheCamera, scene_radius: f32, radius_pixels: f32) -> Self {
+    /// The trapezoidal grid around a camera, out to the far end of the scene, with cells a few radii wide as that camera sees
+    /// them.
+    pub(super) fn trapezoidal(camera: CacheCamera, scene_radius: f32, radius_pixels: f32) -> Self {
         let tangent = CELL_RADII * radius_pixels * camera.pixel_size;
         // Across the cube's face lie directions with tangents from -1 to 1.
         let cells = (2.0 / tangent.max(f32::MIN_POSITIVE)).clamp(CELLS_RANGE[0], CELLS_RANGE[1]) as u32;
@@ -54,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cascades_have_a_power_of_two_of_slots_for_what_lives_up_to_their_room() {
+    fn cascades_have_a_power_of_two_of_slots_for_live_surfels_up_to_their_room() {
         let slots = |surfels| GridShape::cascades(surfels, 1 << 20).slots;
         assert_eq!((slots(0), slots(5_000), slots(70_000), slots(u32::MAX)), (1 << 12, 1 << 16, 1 << 20, 1 << 20));
     }

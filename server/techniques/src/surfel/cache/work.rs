@@ -1,15 +1,14 @@
-//! What every pass over a cache has at hand.
+//! What every pass over a cache works with.
 
 use surfelcast_gpu::{Gpu, PassBuilder};
-
-use crate::surfel::cache::SurfelCache;
 use surfelcast_passes::counters;
 use surfelcast_passes::kernels::KernelSet;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::step::Step;
 use surfelcast_passes::upload::SceneBuffers;
 
-/// What a pass over the cache works with.
+/// Device, kernels, scene and lights of a step.
+#[derive(Clone, Copy)]
 pub(crate) struct Work<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) kernels: &'a KernelSet,
@@ -17,17 +16,15 @@ pub(crate) struct Work<'a> {
     pub(crate) lights: &'a LightBuffers,
 }
 
-impl SurfelCache {
-    /// Binds what gathers read, as far as the kernel does.
-    pub(crate) fn bind<'g>(&self, pass: PassBuilder<'g>) -> PassBuilder<'g> {
-        pass.read_if_bound("surfels", &self.records)
-            .read_if_bound("surfel_outputs", &self.outputs)
-            .read_if_bound("surfel_grid", &self.grid)
-            .read_if_bound("surfel_tiles", &self.tiles)
+impl Work<'_> {
+    /// Binds the scene and its lights to a pass that traces rays.
+    pub(crate) fn bind_scene<'g>(&self, pass: PassBuilder<'g>) -> PassBuilder<'g> {
+        self.lights.bind(self.scene.bind(pass))
     }
 }
 
-pub(crate) fn u32_of(bytes: &[u8]) -> u32 {
+/// The word that a kernel returned.
+pub(super) fn u32_of(bytes: &[u8]) -> u32 {
     bytes.first_chunk::<4>().map_or(0, |word| u32::from_le_bytes(*word))
 }
 

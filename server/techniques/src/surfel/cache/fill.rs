@@ -1,33 +1,33 @@
 //! A cache filled from outside: tools and measurements place surfels themselves.
 
 use surfelcast_gpu::{Gpu, GpuError};
+use surfelcast_passes::kernels::KernelSet;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::step::Step;
+use surfelcast_passes::upload::SceneBuffers;
 use surfelcast_shaders::Features;
 use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Zeroable as _};
 use surfelcast_shaders::records::{SurfelLight, SurfelOutput, SurfelRecord};
 
-use crate::surfel::cache::{SurfelCache, UpdateStage};
+use super::SurfelCache;
+use super::snapshot::ExportedSurfel;
+use super::work::Work;
 use crate::surfel::settings::SurfelSettings;
-use crate::surfel::snapshot::ExportedSurfel;
-use crate::surfel::work::Work;
 use crate::technique::TechniqueError;
-use surfelcast_passes::kernels::KernelSet;
-use surfelcast_passes::lights::LightBuffers;
-use surfelcast_passes::step::Step;
-use surfelcast_passes::upload::SceneBuffers;
 
-/// What filing takes.
-const FILING: &[&str] =
+/// Kernels of the grid build.
+const INSERTION: &[&str] =
     &["surfel_mark", "surfel_compact", "surfel_grid_count", "surfel_grid_scatter", "surfel_grid_sort"];
-/// Bits of a living surfel that a camera asked for.
-const ALIVE: u32 = 1;
+/// Bits of a live surfel that was spawned for a view.
+const LIVE: u32 = 1;
 /// Even guiding, and moments of open space (distance 2 radii, its square 4), as a new surfel has them.
 const EVEN_GUIDING: u32 = 0x8080_8080;
 const OPEN_SPACE: u32 = 0x4400_4000;
 
 impl SurfelCache {
-    /// A cache that holds exactly these surfels, with the light they come with, filed and ready to be applied. Their levels
-    /// are set here, from their radii.
+    /// A cache that holds exactly these surfels, with their light, inserted into the grid and ready to be applied. Their levels
+    /// are computed here from their radii.
     pub fn filled(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -65,15 +65,14 @@ impl SurfelCache {
             .collect();
         let half = SURFEL_TILE_WORDS as usize / 2;
         let tile = [vec![EVEN_GUIDING; half], vec![OPEN_SPACE; half]].concat();
-        gpu.upload(&cache.records, 0, bytemuck::cast_slice(&records))?;
-        gpu.upload(&cache.lights, 0, bytemuck::cast_slice(&measured))?;
-        gpu.upload(&cache.outputs, 0, bytemuck::cast_slice(&outputs))?;
-        gpu.upload(&cache.tiles, 0, bytemuck::cast_slice(&tile.repeat(surfels.len())))?;
-        gpu.upload(&cache.flags, 0, bytemuck::cast_slice(&vec![ALIVE; surfels.len()]))?;
+        gpu.upload(&cache.memory.records, 0, bytemuck::cast_slice(&records))?;
+        gpu.upload(&cache.memory.lights, 0, bytemuck::cast_slice(&measured))?;
+        gpu.upload(&cache.memory.outputs, 0, bytemuck::cast_slice(&outputs))?;
+        gpu.upload(&cache.memory.tiles, 0, bytemuck::cast_slice(&tile.repeat(surfels.len())))?;
+        gpu.upload(&cache.memory.flags, 0, bytemuck::cast_slice(&vec![LIVE; surfels.len()]))?;
         cache.next_serial = count + 1;
         cache.used = count;
-        cache.stage = UpdateStage::Idle;
-        let kernels = KernelSet::new(gpu, FILING.to_vec(), Features::NONE, Features::NONE, true)?;
+        let kernels = KernelSet::new(gpu, INSERTION.to_vec(), Features::NONE, Features::NONE, true)?;
         cache.rebuild(&Work { gpu, kernels: &kernels, scene, lights }, count, &mut Step::default())?;
         Ok(cache)
     }

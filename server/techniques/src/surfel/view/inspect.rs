@@ -1,17 +1,17 @@
-//! Looking into a cache: outputs of what it knows at each pixel, and of one point in detail. Never on a frame's path.
+//! Inspection of a cache: outputs by pixel, and one point in detail. No frame runs any of it.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind, PassTime};
+use surfelcast_passes::frame::FrameView;
+use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::workgroups_of;
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::SurfelContribution;
 
 use crate::surfel::cache::SurfelCache;
-use surfelcast_passes::frame::FrameView;
-use surfelcast_passes::lights::LightBuffers;
-use surfelcast_passes::upload::SceneBuffers;
-use surfelcast_passes::workgroups_of;
 
-/// Output of a look; numbers are those of the kernel.
+/// Output of an inspection; the numbers are those of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum SurfelOutput {
@@ -23,34 +23,34 @@ pub enum SurfelOutput {
     Coverage = 2,
     /// Share of the largest weight.
     Weight = 3,
-    /// B of all light in the cache.
+    /// Irradiance over pi, of all light in the cache.
     Irradiance = 4,
-    /// Standard error of B's luminance.
+    /// Standard error of the luminance of irradiance over pi.
     Error = 5,
     /// Rays behind the value.
     Rays = 6,
     /// Updates of the surfel with the largest weight.
     Age = 7,
-    /// Where its guiding table points, scene space.
+    /// Mean direction of its guiding table, scene space.
     Guide = 8,
-    /// Mean distance around it, radii.
+    /// Mean distance to the surfaces around it, in radii.
     Depth = 9,
-    /// Grid entries that a gather reads.
+    /// Grid entries that a lookup reads.
     Cells = 10,
-    /// Share of the weights that radial depth holds back.
+    /// Share of the weights that radial depth removes.
     Leaks = 11,
     /// Grid level of the point.
     Level = 12,
 }
 
-/// Added to an output's number where a person will look at it.
+/// Added to an output's number for colours that survive the tone map.
 const FOR_SCREEN: u32 = 1 << 31;
-/// Surfels listed for one point.
+/// Surfels listed for one point, at most.
 const MAX_CONTRIBUTIONS: u64 = 64;
 const NOBODY: u32 = u32::MAX;
 
 impl SurfelCache {
-    /// An output of every pixel, `vec4f`; `is_shown` for colours that survive the tone map instead of numbers.
+    /// An output at every pixel, `vec4f`: numbers, or with `is_shown` colours that survive the tone map.
     #[allow(clippy::too_many_arguments, reason = "scene, lights and view are separate owners")]
     pub fn look(
         &self,
@@ -68,11 +68,10 @@ impl SurfelCache {
         let mut frame = view.uniforms(scene, lights, features, 0);
         frame.selector = output as u32 | if is_shown { FOR_SCREEN } else { 0 };
         let mut graph = gpu.graph("surfel_debug");
-        self.bind(lights.bind(scene.bind(graph.pass(&kernel))))
+        self.bind_surfels(self.bind(lights.bind(scene.bind(graph.pass(&kernel)))))
             .uniform("cache", bytemuck::bytes_of(&self.uniforms(0)))
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .read("surfel_lights", &self.lights)
-            .read_write("debug_output", &buffer)
+            .bind("debug_output", &buffer)
             .dispatch(workgroups_of(pixel_count))?;
         let report = graph.submit()?.wait()?;
         Ok((buffer, report.passes))
@@ -98,7 +97,7 @@ impl SurfelCache {
         self.bind(lights.bind(scene.bind(graph.pass(&kernel))))
             .uniform("cache", bytemuck::bytes_of(&self.uniforms(0)))
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .read_write("contributions", &buffer)
+            .bind("contributions", &buffer)
             .dispatch([1, 1, 1])?;
         let ticket = graph.read_back(&buffer, 0..bytes)?;
         let parts: Vec<SurfelContribution> = bytemuck::pod_collect_to_vec(&graph.submit()?.wait()?.take(ticket)?);

@@ -11,14 +11,14 @@ use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use sha2::{Digest as _, Sha256};
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
+use surfelcast_passes::upload::SceneBuffers;
 use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
 use surfelcast_shaders::records::{SurfelEdge, SurfelLight, SurfelOutput, SurfelRecord};
 
-use crate::surfel::cache::SurfelCache;
-use crate::surfel::graph::EDGE_SLOTS;
+use super::SurfelCache;
+use super::neighbours::EDGE_SLOTS;
 use crate::surfel::settings::SurfelSettings;
-use surfelcast_passes::upload::SceneBuffers;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
 /// Raised whenever the meaning of a byte changes.
@@ -77,30 +77,30 @@ impl SurfelCache {
     fn columns(&self) -> Vec<Column<'_>> {
         let column = |content, buffer, bytes_each| Column { content, buffer, bytes_each };
         let mut columns = vec![
-            column(Content::Records, &self.records, size_of::<SurfelRecord>()),
-            column(Content::Lights, &self.lights, size_of::<SurfelLight>()),
-            column(Content::Outputs, &self.outputs, size_of::<SurfelOutput>()),
-            column(Content::Words, &self.tiles, SURFEL_TILE_WORDS as usize * 4),
-            column(Content::Words, &self.flags, 4),
+            column(Content::Records, &self.memory.records, size_of::<SurfelRecord>()),
+            column(Content::Lights, &self.memory.lights, size_of::<SurfelLight>()),
+            column(Content::Outputs, &self.memory.outputs, size_of::<SurfelOutput>()),
+            column(Content::Words, &self.memory.tiles, SURFEL_TILE_WORDS as usize * 4),
+            column(Content::Words, &self.memory.flags, 4),
         ];
-        if let Some(graph) = &self.graph {
-            columns.extend(graph.kept_numbers().map(|buffer| column(Content::Numbers, buffer, 16)));
+        if let Some(neighbours) = &self.neighbours {
+            columns.extend(neighbours.kept_numbers().map(|buffer| column(Content::Numbers, buffer, 16)));
             let edge_bytes = EDGE_SLOTS as usize * size_of::<SurfelEdge>();
-            columns.push(column(Content::Edges, graph.edges(), edge_bytes));
+            columns.push(column(Content::Edges, neighbours.edges(), edge_bytes));
         }
         columns
     }
 
     /// The living surfels as bytes.
     pub fn save(&self, gpu: &Gpu, identity: &SnapshotIdentity) -> Result<Vec<u8>, GpuError> {
-        let ids: Vec<u32> = read::<u32>(gpu, &self.lists, u64::from(self.live))?;
+        let ids: Vec<u32> = read::<u32>(gpu, &self.memory.lists, u64::from(self.live))?;
         let mut bytes = Vec::with_capacity(HEADER_BYTES);
         bytes.extend_from_slice(&MAGIC);
         bytes.extend_from_slice(&VERSION.to_le_bytes());
         bytes.extend_from_slice(&identity.scene);
         bytes.extend_from_slice(&identity.lights);
-        bytes.extend_from_slice(&settings_hash(self.settings()));
-        for number in [self.live, self.next_serial, self.update, self.calm_updates] {
+        bytes.extend_from_slice(&settings_hash(&self.settings));
+        for number in [self.live, self.next_serial, self.updates.number, self.updates.since_relight] {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
         let mut encoder = ZlibEncoder::new(bytes, Compression::fast());
@@ -160,12 +160,12 @@ impl SurfelCache {
             rest = behind;
         }
         let ids: Vec<u32> = (0..live).collect();
-        gpu.upload(&cache.lists, 0, bytemuck::cast_slice(&ids))?;
+        gpu.upload(&cache.memory.lists, 0, bytemuck::cast_slice(&ids))?;
         (cache.live, cache.used) = (live, live);
         cache.next_serial = header.next_serial;
-        cache.update = header.update.max(1);
-        cache.calm_updates = header.calm_updates;
-        cache.is_unfiled = true;
+        cache.updates.number = header.update.max(1);
+        cache.updates.since_relight = header.since_relight;
+        cache.awaits_insertion = true;
         if header.lights != identity.lights {
             cache.relight();
         }
@@ -180,7 +180,7 @@ struct Header {
     live: u32,
     next_serial: u32,
     update: u32,
-    calm_updates: u32,
+    since_relight: u32,
 }
 
 impl Header {
@@ -208,7 +208,7 @@ impl Header {
             live: number(108),
             next_serial: number(112),
             update: number(116),
-            calm_updates: number(120),
+            since_relight: number(120),
         })
     }
 }
@@ -294,7 +294,7 @@ fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
 }
 
 /// The first `count` items of a buffer.
-pub(crate) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuError> {
+pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec<T>, GpuError> {
     let end = count * size_of::<T>() as u64;
     let mut bytes = Vec::with_capacity(end as usize);
     let mut at = 0;
@@ -320,9 +320,9 @@ pub struct ExportedSurfel {
 impl SurfelCache {
     /// Every living surfel, in the order of the ids.
     pub fn export(&self, gpu: &Gpu) -> Result<Vec<ExportedSurfel>, GpuError> {
-        let ids: Vec<u32> = read(gpu, &self.lists, u64::from(self.live))?;
-        let records: Vec<SurfelRecord> = read(gpu, &self.records, u64::from(self.used))?;
-        let lights: Vec<SurfelLight> = read(gpu, &self.lights, u64::from(self.used))?;
+        let ids: Vec<u32> = read(gpu, &self.memory.lists, u64::from(self.live))?;
+        let records: Vec<SurfelRecord> = read(gpu, &self.memory.records, u64::from(self.used))?;
+        let lights: Vec<SurfelLight> = read(gpu, &self.memory.lights, u64::from(self.used))?;
         let pairs = ids.iter().filter_map(|&id| Some((records.get(id as usize)?, lights.get(id as usize)?)));
         Ok(pairs.map(|(&record, &light)| ExportedSurfel { record, light }).collect())
     }

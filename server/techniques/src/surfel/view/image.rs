@@ -1,48 +1,46 @@
-//! Reconstruction in the image: the pixels' light from the cache fits what they gather of the surfels' values and slopes (after
-//! Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/image/`.
+//! Reconstruction in the image: a screened Poisson problem over pixels, with the values and slopes that they gather from the
+//! surfels (after Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/image/`.
 //!
-//! Values and differences are means over the picture's samples, so each solve serves all of them. Only the change that a solve
-//! makes to B is added to the picture; what no surfel lights stays as it is.
+//! Values and differences are means over the image's samples, so each solve serves all of them. Only the change that a solve
+//! makes to the irradiance is added to the image; pixels without surfels keep their value.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
+use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
+use surfelcast_passes::step::Step;
+use surfelcast_passes::{merge_passes, workgroups_of};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, SurfelUniforms};
 
-use crate::surfel::cache::SurfelCache;
-use crate::surfel::graph::SurfelGraph;
+use crate::surfel::cache::{SurfelCache, Work};
 use crate::surfel::settings::{ImageScheme, Reconstruction};
-use crate::surfel::work::Work;
-use crate::technique::{TechniqueError, TechniqueOptions};
-use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
-use surfelcast_passes::step::Step;
-use surfelcast_passes::{merge_passes, workgroups_of};
+use crate::technique::TechniqueOptions;
 
-/// What it runs beside the graph's kernels.
-pub(crate) const KERNELS: &[&str] = &["image_slopes", "image_gather"];
-/// Iterations of a solve at most, and the residual that ends it sooner.
+/// Kernels of the reconstruction in the image, with those of the neighbours.
+pub(in crate::surfel) const KERNELS: &[&str] = &["image_slopes", "image_gather"];
+/// Largest number of iterations of a solve, and the residual that ends it sooner.
 const ITERATIONS: u32 = 32;
 const TOLERANCE: f32 = 1e-3;
 
-/// Of the sample in hand.
+/// What pixels gathered, before the solve.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drawn<'a> {
+pub(crate) struct Gathered<'a> {
     /// `VisiblePoint` by pixel.
     pub(crate) points: &'a Buffer,
-    /// The picture as it was gathered.
-    pub(crate) picture: &'a Buffer,
-    /// Its mean B, where that is kept apart.
+    /// The image as it was gathered.
+    pub(crate) image: &'a Buffer,
+    /// Its mean irradiance over pi, where the image is split.
     pub(crate) irradiance: Option<&'a Buffer>,
 }
 
-/// What a picture keeps for it; `vec4f` by pixel.
+/// Buffers and kernels of the solve; `vec4f` by pixel unless it says otherwise.
 #[derive(Debug)]
 pub(crate) struct ImageReconstruction {
     scheme: ImageScheme,
     edges: Kernel,
     compose: Kernel,
     solver: PoissonSolver,
-    /// Three a pixel, of the sample in hand.
+    /// Three a pixel, of the current sample.
     slopes: Buffer,
     values: Buffer,
     shares: Buffer,
@@ -57,7 +55,7 @@ pub(crate) struct ImageReconstruction {
 }
 
 impl ImageReconstruction {
-    /// For a picture with these options; nothing where it reconstructs otherwise.
+    /// `None` where these options choose another reconstruction.
     pub(crate) fn new(gpu: &Gpu, options: &TechniqueOptions) -> Result<Option<Self>, GpuError> {
         if options.surfel.reconstruction != Reconstruction::Image {
             return Ok(None);
@@ -82,7 +80,8 @@ impl ImageReconstruction {
         }))
     }
 
-    /// Records what follows the shading of a range of pixels. `seen` is what camera rays meet, and where they need surfels.
+    /// Gathers values and slopes for a range of pixels, after their shading. `seen` has the visibility buffer and the visible
+    /// points.
     pub(crate) fn record_gather(
         &self,
         graph: &mut Graph,
@@ -91,35 +90,34 @@ impl ImageReconstruction {
         uniforms: &SurfelUniforms,
         frame: &FrameUniforms,
         seen: [&Buffer; 2],
-    ) -> Result<(), TechniqueError> {
+    ) -> Result<(), GpuError> {
         let frame = FrameUniforms { selector: self.scheme as u32, ..*frame };
-        let slopes = cache.graph.as_ref().map(SurfelGraph::slopes).ok_or_else(|| GpuError::Validation {
+        let slopes = cache.slopes().ok_or_else(|| GpuError::Validation {
             context: "reconstruction in the image".to_owned(),
-            message: "the cache has no graph".to_owned(),
+            message: "the cache has no neighbours".to_owned(),
         })?;
         let [visible, points] = seen;
         cache
-            .bind(work.lights.bind(work.scene.bind(graph.pass(work.kernels.get("image_gather")?))))
+            .bind(work.bind_scene(graph.pass(work.kernels.get("image_gather")?)))
             .uniform("cache", bytemuck::bytes_of(uniforms))
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .read("visible", visible)
-            .read("visible_points", points)
-            .read("node_gradients", slopes)
-            .read_write("pixel_slopes", &self.slopes)
-            .read_write("image_values", &self.values)
-            .read_write("image_shares", &self.shares)
-            .dispatch(workgroups_of(frame.pixel_count))?;
-        Ok(())
+            .bind("visible", visible)
+            .bind("visible_points", points)
+            .bind("node_gradients", slopes)
+            .bind("pixel_slopes", &self.slopes)
+            .bind("image_values", &self.values)
+            .bind("image_shares", &self.shares)
+            .dispatch(workgroups_of(frame.pixel_count))
     }
 
-    /// One submission's worth of the solve that follows a whole sample; returns whether the picture is finished.
+    /// One submission of the solve that follows a whole sample. Returns whether the image is finished.
     pub(crate) fn advance(
         &mut self,
         gpu: &Gpu,
         frame: &FrameUniforms,
-        drawn: &Drawn<'_>,
+        gathered: &Gathered<'_>,
         step: &mut Step,
-    ) -> Result<bool, TechniqueError> {
+    ) -> Result<bool, GpuError> {
         let frame = FrameUniforms { selector: self.scheme as u32, ..*frame };
         let groups = workgroups_of(frame.width * frame.height);
         let problem = PoissonProblem {
@@ -133,11 +131,11 @@ impl ImageReconstruction {
             graph
                 .pass(&self.edges)
                 .uniform("frame", bytemuck::bytes_of(&frame))
-                .read("visible_points", drawn.points)
-                .read("pixel_slopes", &self.slopes)
-                .read("image_values", &self.values)
-                .read_write("poisson_weights", &self.weights)
-                .read_write("poisson_differences", &self.differences)
+                .bind("visible_points", gathered.points)
+                .bind("pixel_slopes", &self.slopes)
+                .bind("image_values", &self.values)
+                .bind("poisson_weights", &self.weights)
+                .bind("poisson_differences", &self.differences)
                 .dispatch(groups)?;
             merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
             self.solver.begin(gpu, &problem)?;
@@ -153,30 +151,30 @@ impl ImageReconstruction {
         let mut pass = graph
             .pass(&self.compose)
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .read("gathered_picture", drawn.picture)
-            .read("image_values", &self.values)
-            .read("image_shares", &self.shares)
-            .read("poisson_solution", &self.solution)
-            .read_write("image_shown", &self.shown);
-        if let (Some(gathered), Some(shown)) = (drawn.irradiance, &self.shown_irradiance) {
-            pass = pass.read("split_irradiance", gathered).read_write("shown_irradiance", shown);
+            .bind("gathered_picture", gathered.image)
+            .bind("image_values", &self.values)
+            .bind("image_shares", &self.shares)
+            .bind("poisson_solution", &self.solution)
+            .bind("image_shown", &self.shown);
+        if let (Some(irradiance), Some(shown)) = (gathered.irradiance, &self.shown_irradiance) {
+            pass = pass.bind("split_irradiance", irradiance).bind("shown_irradiance", shown);
         }
         pass.dispatch(groups)?;
         merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
         Ok(true)
     }
 
-    /// What was begun is of no use: camera or lights changed.
+    /// Camera or lights changed: a solve under way is abandoned.
     pub(crate) fn restart(&mut self) {
         self.is_solving = false;
     }
 
-    /// The picture.
-    pub(crate) fn picture(&self) -> &Buffer {
+    /// The reconstructed image.
+    pub(crate) fn image(&self) -> &Buffer {
         &self.shown
     }
 
-    /// Its mean B, where that is kept apart.
+    /// Its mean irradiance over pi, where the image is split.
     pub(crate) fn irradiance(&self) -> Option<&Buffer> {
         self.shown_irradiance.as_ref()
     }
