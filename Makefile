@@ -15,25 +15,32 @@ CARGO ?= cargo
 BENCH ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast-bench
 SURFELCAST ?= $(or $(CARGO_TARGET_DIR),target)/release/surfelcast
 DOCS_SPP ?= 512
-# What reconstructions look like while surfels have few rays.
+# Reconstructions while surfels have few rays.
 DOCS_EARLY = $(SURFELCAST) render demo:interior --technique surfel --size 480x270 --spp 4
-# Where benchmarks leave CSV, JSON and plots, and go on from after an interrupt; remove it to measure anew.
+# Where benchmarks leave JSON, CSV and plots, and continue after an interrupt; remove it to start from nothing.
 BENCH_OUT ?= target/bench
-# Plots that BENCHMARKS.md shows.
-BENCH_FIGURES := docs/bench
+BENCH_ARGS := --out $(BENCH_OUT) --docs docs/bench
 # Seconds of other renderers: rows of their harness, then its stated tables.
 PEERS ?= $(wildcard $(addprefix $(or $(SURFELCAST_SHARED),../shared)/peers/,results.csv RESULTS.md))
 
+# Targets with their explanations, without those in brackets; the argument is a sed command that leaves some out.
+list = sed -nE '$(1) s/^([a-z-]+):[^\#]*\#\# ([^(].*)/make \1|\2/p' Makefile | \
+	while IFS='|' read -r name text; do printf '  %-27s %s\n' "$$name" "$$text"; done
+
 .PHONY: help
 help: ## Show these commands
-	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1|\2/p' Makefile | while IFS='|' read -r name text; do printf '%-20s %s\n' "$$name" "$$text"; done
+	@$(call list,/build-bench/d;)
+
+.PHONY: help-bench
+help-bench: ## Show the benchmarks
+	@$(call list,/: build-bench/!d;)
 
 .PHONY: deps
 deps: ## Install what building and serving needs
 	@deploy/install-deps.sh
 
 .PHONY: deps-tests
-deps-tests: ## Install what the tests need as well
+deps-tests: ## (for tests) Install what the tests need as well
 	@deploy/install-deps.sh --tests
 
 .PHONY: build
@@ -41,7 +48,7 @@ build: deps ## Compile the server (target/release/surfelcast)
 	$(CARGO) build --release --locked --package surfelcast
 
 .PHONY: build-bench
-build-bench: deps ## Compile the server and the laboratory (target/release/surfelcast-bench)
+build-bench: deps ## (for benchmarks) Compile the server and the laboratory (target/release/surfelcast-bench)
 	$(CARGO) build --release --locked --package surfelcast --package surfelcast-bench
 
 .PHONY: serve
@@ -59,70 +66,75 @@ check: deps-tests ## Format, lints, documentation and types; runs no test
 	RUSTDOCFLAGS="--deny warnings" $(CARGO) doc --release --locked --workspace --no-deps
 	cd web-client && npm run check
 
+# Benchmarks. Each continues what an earlier run left in $(BENCH_OUT), and writes its page in docs/bench.
+
 .PHONY: bench
-bench: build-bench ## Rays per second against a CPU traversal of the same hierarchy, written into BENCHMARKS.md
-	$(BENCH) rays --table BENCHMARKS.md
+bench: build-bench ## Rays per second against a CPU traversal of the same hierarchy
+	$(BENCH) rays $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-accuracy
-bench-accuracy: build-bench ## Error of every reference camera, written into BENCHMARKS.md
-	$(BENCH) accuracy --table BENCHMARKS.md
+bench-accuracy: build-bench ## Error of every reference camera
+	$(BENCH) accuracy $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-surfels
-bench-surfels: build-bench ## Error of the surfel cache against references and path tracing, written into BENCHMARKS.md
-	$(BENCH) surfels --table BENCHMARKS.md
-
-.PHONY: bench-locality
-bench-locality: build-bench ## How surfels of neighbouring pixels lie in memory, by the first surfels' places, written into BENCHMARKS.md
-	$(BENCH) locality --table BENCHMARKS.md
-
-.PHONY: bench-all
-bench-all: bench bench-accuracy bench-surfels bench-locality bench-apply bench-error bench-presets bench-densities bench-settling bench-reconstructions bench-image bench-peers bench-scale bench-poisson ## Every table and plot of BENCHMARKS.md, one after the other; takes hours
+bench-surfels: build-bench ## Error of the surfel cache against references and path tracing
+	$(BENCH) surfels $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-error
-bench-error: build-bench ## Error against seconds and rays of every technique, written into BENCHMARKS.md; more plots in target/bench
-	$(BENCH) error --study error --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
-	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/error-*-seconds.svg $(BENCH_OUT)/error-pareto.svg $(BENCH_FIGURES)
+bench-error: build-bench ## Error against seconds and rays of every technique
+	$(BENCH) error $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-presets
-bench-presets: build-bench ## Error and time of the presets of the surfel cache, written into BENCHMARKS.md
-	$(BENCH) error --study presets --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-presets: build-bench ## Error and time of the presets of the surfel cache
+	$(BENCH) presets $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-densities
-bench-densities: build-bench ## Error by capacity and density of surfels, written into BENCHMARKS.md
-	$(BENCH) error --study densities --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
-
-.PHONY: bench-image
-bench-image: build-bench ## Error of indirect light reconstructed in the image, by scheme, written into BENCHMARKS.md
-	$(BENCH) error --study image --truth-spp 512 --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-densities: build-bench ## Error by capacity and density of surfels
+	$(BENCH) densities $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-peers
-bench-peers: build-bench ## Seconds to an error beside other renderers, written into BENCHMARKS.md; PEERS="results.csv ..."
-	$(BENCH) error --study peers $(addprefix --peers ,$(PEERS)) --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-peers: build-bench ## Seconds to an error next to other renderers; PEERS="results.csv ..."
+	$(BENCH) peers $(addprefix --peers ,$(PEERS)) $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-settling
-bench-settling: build-bench ## Error of a picture that settles beside its two halves, written into BENCHMARKS.md
-	$(BENCH) error --study settling --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
-	mkdir -p $(BENCH_FIGURES) && cp $(BENCH_OUT)/settling-*-seconds.svg $(BENCH_FIGURES)
+bench-settling: build-bench ## Error of an image that converges to the path-traced one
+	$(BENCH) settling $(BENCH_ARGS) $(ARGS)
+
+.PHONY: bench-settling-small
+bench-settling-small: build-bench ## The same in small images of every reference
+	$(BENCH) settling-small $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-reconstructions
-bench-reconstructions: build-bench ## Error of reconstructions and of path tracing at equal rays, written into BENCHMARKS.md
-	$(BENCH) error --study reconstructions --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-reconstructions: build-bench ## Error of reconstructions and of path tracing at equal rays
+	$(BENCH) reconstructions $(BENCH_ARGS) $(ARGS)
+
+.PHONY: bench-image
+bench-image: build-bench ## Error of indirect light reconstructed in the image, by scheme
+	$(BENCH) image --truth-spp 512 $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-scale
-bench-scale: build-bench ## Time and memory against triangles and surfels, written into BENCHMARKS.md
-	$(BENCH) scale --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-scale: build-bench ## Time and memory against triangles and surfels
+	$(BENCH) scale $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-poisson
-bench-poisson: build-bench ## Convergence of Poisson solvers, written into BENCHMARKS.md; plots in target/bench
-	$(BENCH) poisson --out $(BENCH_OUT) --table BENCHMARKS.md $(ARGS)
+bench-poisson: build-bench ## Convergence of Poisson solvers
+	$(BENCH) poisson $(BENCH_ARGS) $(ARGS)
 
 .PHONY: bench-apply
-bench-apply: build-bench ## Time of gathering and of drawing surfels for the thesis' surfel counts, written into BENCHMARKS.md
-	$(BENCH) apply --table BENCHMARKS.md
+bench-apply: build-bench ## Time of gathering and of drawing surfels for the thesis' surfel counts
+	$(BENCH) apply $(BENCH_ARGS) $(ARGS)
+
+.PHONY: bench-locality
+bench-locality: build-bench ## Distance in memory between the surfels of neighbouring pixels
+	$(BENCH) locality $(BENCH_ARGS) $(ARGS)
+
+.PHONY: bench-all
+bench-all: build-bench ## Every page, one after the other; takes hours
+	@for name in bench bench-accuracy bench-surfels bench-error bench-presets bench-densities bench-peers bench-settling bench-settling-small bench-reconstructions bench-image bench-scale bench-poisson bench-apply bench-locality; do $(MAKE) $$name || exit 1; done
 
 .PHONY: film-strips
-film-strips: build-bench ## Frames of the surfel cache in motion, written into docs/strip-*.jpg
-	$(BENCH) strips docs
+film-strips: build-bench ## Frames of the surfel cache in motion, as docs/strip-*.jpg
+	$(BENCH) strips docs $(ARGS)
 
 .PHONY: docs-images
 docs-images: deps-tests build ## Screenshots of the page and renders of the demo scenes, written into docs/

@@ -1,5 +1,6 @@
 //! The program `surfelcast-bench`: the laboratory. Each study measures one thing and writes its table.
 
+mod hit;
 mod report;
 mod stage;
 mod studies;

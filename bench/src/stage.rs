@@ -1,13 +1,13 @@
-//! Drives a technique on a scene and keeps count of what it costs.
+//! Drives a technique on a scene and counts what it costs.
 //!
-//! The actor of the server gives jobs turns and hands out finished pictures. Here a picture is followed while it grows, its
-//! cache may have been used by another camera before, and nothing else runs, so techniques are stepped directly, in pieces
-//! of the same size.
+//! The actor of the server schedules jobs and delivers finished images. Here an image is observed while samples accumulate,
+//! its cache may have been used by another camera before, and nothing else runs, so techniques are stepped directly, with
+//! the same step budgets.
 
 use std::time::Instant;
 
 use surfelcast_gpu::{Buffer, Gpu, PassTime};
-use surfelcast_measure::{Mode, Picture};
+use surfelcast_measure::{Image, Mode};
 use surfelcast_passes::merge_passes;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_renderer::Pace;
@@ -23,7 +23,7 @@ use surfelcast::Failure;
 /// Largest batch, as batch renders have it.
 const MAX_BATCH: u32 = 64;
 
-/// A scene on the device, and how pictures of it are made.
+/// A scene on the device, and how images of it are made.
 pub(crate) struct Stage<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) scene: &'a Scene,
@@ -34,12 +34,12 @@ pub(crate) struct Stage<'a> {
     pub(crate) exposure: f32,
 }
 
-/// What a picture has cost so far.
+/// What an image has cost so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cost {
-    /// Wall time of rendering; reading pictures back and audits left out.
+    /// Wall time of rendering, without reading images back and without audits.
     pub(crate) secs: f64,
-    /// Sum over passes, as the device counts them.
+    /// Sum over passes, as measured on the device.
     pub(crate) gpu_secs: f64,
     /// Primary, secondary, shadow.
     pub(crate) rays: [u64; 3],
@@ -48,13 +48,13 @@ pub(crate) struct Cost {
 }
 
 impl Cost {
-    /// Device time of passes whose names begin so.
+    /// Device time of passes whose names begin with `prefix`.
     pub(crate) fn gpu_secs_of(&self, prefix: &str) -> f64 {
         self.passes.iter().filter(|pass| pass.name.starts_with(prefix)).map(|pass| pass.gpu_ms * 1e-3).sum()
     }
 }
 
-/// A picture in the making.
+/// An image that accumulates samples.
 pub(crate) struct Shot<'a> {
     stage: &'a Stage<'a>,
     technique: Box<dyn Technique>,
@@ -77,7 +77,7 @@ impl<'a> Stage<'a> {
         Ok(Self { gpu, scene, buffers, lights, mode, size, exposure })
     }
 
-    /// A picture from nothing, on a session's cache.
+    /// A new image, on a session's cache.
     pub(crate) fn shot(
         &'a self,
         technique: &str,
@@ -116,7 +116,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Shot<'_> {
-    /// Renders until the picture has so many samples a pixel, or has cost so many seconds. Returns whether it has them.
+    /// Renders until the image has `samples` per pixel or has cost `limit_secs`. Returns whether it has the samples.
     pub(crate) fn render(&mut self, samples: u32, limit_secs: f64) -> Result<bool, Failure> {
         let Stage { gpu, buffers, lights, .. } = self.stage;
         while self.technique.samples() < samples {
@@ -137,18 +137,19 @@ impl Shot<'_> {
         Ok(true)
     }
 
-    /// The picture as it stands, in the stage's mode.
-    pub(crate) fn picture(&self) -> Result<Picture, Failure> {
+    /// The current image, in the stage's mode.
+    pub(crate) fn image(&self) -> Result<Image, Failure> {
         let buffer = match (self.stage.mode, self.technique.split()) {
             (Mode::Indirect, Some((_, irradiance))) => irradiance,
             (Mode::Indirect, None) => return Err(Failure::input("the technique does not keep indirect light apart")),
             _ => self.technique.picture(),
         };
-        let pixels = read(self.stage.gpu, buffer)?.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect();
-        Ok(Picture { size: self.stage.size.map(|side| side as usize), pixels })
+        let pixels =
+            read_pixels(self.stage.gpu, buffer)?.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect();
+        Ok(Image { size: self.stage.size.map(|side| side as usize), pixels })
     }
 
-    /// What the renderer itself says of the error; nothing for outputs other than radiance.
+    /// The renderer's own estimate of the error; nothing for outputs other than radiance.
     pub(crate) fn audit(&mut self) -> Result<Option<AuditResult>, Failure> {
         let Stage { gpu, buffers, lights, exposure, .. } = self.stage;
         let Some(audit) = &mut self.audit else { return Ok(None) };
@@ -156,25 +157,26 @@ impl Shot<'_> {
         Ok(Some(audit.run(gpu, buffers, lights, &self.view, picture, samples, *exposure)?))
     }
 
-    /// Living surfels, where there are any.
+    /// Live surfels, for techniques with surfels.
     pub(crate) fn surfels(&self) -> Option<u32> {
         self.technique.surfels().map(|[live, _]| live)
     }
 }
 
-fn read(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<[f32; 4]>, Failure> {
+/// Reads a buffer of pixels back.
+pub(crate) fn read_pixels(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<[f32; 4]>, Failure> {
     let mut graph = gpu.graph("read_back");
     let ticket = graph.read_back(buffer, 0..buffer.size_bytes())?;
     let bytes = graph.submit()?.wait()?.take(ticket)?;
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
-/// Turns of a camera about what it looks at, degrees, the first one preferred that nothing stands in the way of.
+/// Rotations of a camera about its target, degrees; the first unobstructed one is taken.
 const ASIDE_DEGREES: [f64; 8] = [15.0, -15.0, 10.0, -10.0, 6.0, -6.0, 3.0, -3.0];
-/// Turn on the spot where there is no room to step aside, degrees.
+/// Rotation in place if all of them are obstructed, degrees.
 const TURN_DEGREES: f64 = 10.0;
 
-/// A camera that sees much the same ground from another place: moved about the point in the middle of the picture.
+/// A camera that sees mostly the same surfaces from another place: rotated about the surface in the middle of the image.
 pub(crate) fn camera_aside(scene: &Scene, camera: &Camera) -> Camera {
     let (_, up, forward) = camera.frame();
     let local = |position: glam::DVec3| (position - scene.origin).as_vec3();
@@ -187,7 +189,7 @@ pub(crate) fn camera_aside(scene: &Scene, camera: &Camera) -> Camera {
         for degrees in ASIDE_DEGREES {
             let position = focus + glam::DQuat::from_axis_angle(up, degrees.to_radians()) * arm;
             let moved = Camera { position, target: focus, ..*camera };
-            // The way there and the view from there are both clear, so that it does not end up in a wall.
+            // Both the way there and the view from there are unobstructed, so that the camera is not inside a wall.
             let step = position - camera.position;
             if hit(position, focus - position, 0.98).is_none() && hit(camera.position, step, 1.05).is_none() {
                 return moved;
@@ -220,7 +222,7 @@ mod tests {
             let (_, _, forward) = named.camera.frame();
             assert!(toward.normalize_or(forward).dot(forward) > 0.95, "{}", named.name);
         }
-        // Nothing to look at, nothing to step aside of: it turns.
+        // Without a surface in the middle the camera turns in place.
         let away = Camera { target: scene.cameras[0].camera.position + glam::DVec3::Z, ..scene.cameras[0].camera };
         let turned = camera_aside(&scene, &away);
         assert!(turned.position == away.position && turned.target != away.target);

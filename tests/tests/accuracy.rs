@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
-use surfelcast_measure::{Mode, Picture, Point, Reference, Renderer, error_to_truth};
+use surfelcast_measure::{Image, Mode, Point, Reference, Renderer, error_to_truth};
 
 /// Squared error over the variance of the noise. With ten thousand pixels chance stays well below this.
 const RATIO_LIMIT: f64 = 1.15;
@@ -143,9 +143,9 @@ fn the_surfel_cache_matches_its_references() -> Result<()> {
     let mut faults = Vec::new();
     for reference in Reference::read_all(&shared)? {
         let Some((_, limit)) = LIMITS.iter().find(|(name, _)| *name == reference.name) else { continue };
-        let (picture, _) = renderer.picture(&reference, 16, 1)?;
+        let (picture, _) = renderer.image(&reference, 16, 1)?;
         let non_finite = picture.non_finite_count();
-        let truth = Picture::read_exr(&reference.image)?;
+        let truth = Image::read_exr(&reference.image)?;
         let rmse = error_to_truth(&reference, &picture, &truth, reference.noise_rmse.powi(2));
         println!("{}: RMSE {rmse:.5}", reference.name);
         if rmse > *limit || non_finite > 0 {

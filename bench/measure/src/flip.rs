@@ -1,13 +1,13 @@
-//! FLIP: how different two pictures look to a person who flips between them.
+//! FLIP: the perceived difference of two images that are shown in alternation.
 //!
 //! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating
-//! Images", HPG 2020, for display-referred pictures. Colours are blurred by the eye's contrast sensitivity and compared in a
+//! Images", HPG 2020, for display-referred images. Colours are blurred by the eye's contrast sensitivity and compared in a
 //! uniform space (§4.1); edges and points are compared apart (§4.2) and raise the colour difference (§4.3). All filters are
 //! products of one-dimensional ones.
 
 use std::f64::consts::PI;
 
-use crate::Picture;
+use crate::Image;
 
 /// Pixels a degree: 0.7 m from a monitor 0.7 m and 3840 pixels wide, the paper's default.
 const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
@@ -18,7 +18,7 @@ const FEATURE_WIDTH: f64 = 0.082;
 /// Exponents of colour and feature differences.
 const COLOR_EXPONENT: f64 = 0.7;
 const FEATURE_EXPONENT: f64 = 0.5;
-/// The share of the largest colour difference that is mapped to the share of the range below.
+/// Colour differences up to LARGE of the largest are mapped to RANGE of the result.
 const LARGE: f64 = 0.4;
 const RANGE: f64 = 0.95;
 
@@ -28,12 +28,12 @@ const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
 ];
 
-/// Mean FLIP of two pictures of one size whose values are linear and as displayed, in [0, 1]; the order does not matter.
-pub fn flip(picture: &Picture, reference: &Picture) -> f64 {
-    let [one, other] = [picture, reference].map(Look::new);
+/// Mean FLIP of two images of one size whose values are linear and as displayed, in [0, 1]; the order does not matter.
+pub fn flip(image: &Image, reference: &Image) -> f64 {
+    let [one, other] = [image, reference].map(Look::new);
     let largest = largest_difference();
     let knee = LARGE * largest;
-    let sum: f64 = (0..picture.pixels.len())
+    let sum: f64 = (0..image.pixels.len())
         .map(|i| {
             let difference = hyab(one.colors[i], other.colors[i]).powf(COLOR_EXPONENT);
             let color = if difference < knee {
@@ -46,10 +46,10 @@ pub fn flip(picture: &Picture, reference: &Picture) -> f64 {
             color.powf(1.0 - feature)
         })
         .sum();
-    sum / picture.pixels.len() as f64
+    sum / image.pixels.len() as f64
 }
 
-/// What is compared of a picture, by pixel.
+/// The features of an image that are compared, by pixel.
 struct Look {
     /// Blurred, in the Hunt-adjusted CIELAB space.
     colors: Vec<[f64; 3]>,
@@ -58,15 +58,15 @@ struct Look {
 }
 
 impl Look {
-    fn new(picture: &Picture) -> Self {
+    fn new(image: &Image) -> Self {
         let opponent: Vec<_> =
-            picture.pixels.iter().map(|pixel| opponent(xyz(pixel.map(|value| value.clamp(0.0, 1.0))))).collect();
+            image.pixels.iter().map(|pixel| opponent(xyz(pixel.map(|value| value.clamp(0.0, 1.0))))).collect();
         let plane = |channel: usize, of: fn(f64) -> f64| Plane {
-            width: picture.size[0],
+            width: image.size[0],
             values: opponent.iter().map(|pixel| of(pixel[channel])).collect(),
         };
-        let blurred = [0, 1, 2].map(|channel| plane(channel, |value| value).seen(SENSITIVITY[channel]));
-        let colors = (0..picture.pixels.len())
+        let blurred = [0, 1, 2].map(|channel| plane(channel, |value| value).blurred(SENSITIVITY[channel]));
+        let colors = (0..image.pixels.len())
             .map(|i| hunt(rgb(xyz_of_opponent([0, 1, 2].map(|channel| blurred[channel].values[i])))))
             .collect();
 
@@ -97,7 +97,7 @@ struct Plane {
 
 impl Plane {
     /// Blurred by a sum of Gaussians, given as (weight, width).
-    fn seen(&self, sensitivity: &[(f64, f64)]) -> Self {
+    fn blurred(&self, sensitivity: &[(f64, f64)]) -> Self {
         // One radius for all channels, that of the widest Gaussian.
         let widest = SENSITIVITY.iter().flat_map(|sum| sum.iter()).map(|(_, width)| *width).fold(0.0, f64::max);
         let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as i64;
@@ -106,7 +106,7 @@ impl Plane {
         for &(weight, width) in sensitivity {
             let gauss = |x: i64| (-(PI * x as f64 / PIXELS_PER_DEGREE).powi(2) / width).exp();
             let kernel: Vec<f64> = (-radius..=radius).map(gauss).collect();
-            // The kernels are not normalised, since their heights decide on the mixture.
+            // The kernels are not normalised: their heights are the weights of the sum.
             let height = weight * (PI / width).sqrt();
             total += height * kernel.iter().sum::<f64>().powi(2);
             for (value, part) in values.iter_mut().zip(self.filtered(&kernel, &kernel).values) {
@@ -131,11 +131,11 @@ impl Plane {
     }
 }
 
-/// Positive weights add up to 1, and so do the negative ones up to their sign.
+/// Scales the positive weights to a sum of 1 and the negative ones to a sum of -1.
 fn normalised(kernel: Vec<f64>) -> Vec<f64> {
     let positive: f64 = kernel.iter().filter(|value| **value > 0.0).sum();
     let negative: f64 = kernel.iter().filter(|value| **value < 0.0).map(|value| -value).sum();
-    // One without negative weights has zeros at most on that side.
+    // A kernel without negative weights has only zeros on that side.
     let negative = negative.max(f64::MIN_POSITIVE);
     kernel.into_iter().map(|value| value / if value > 0.0 { positive } else { negative }).collect()
 }
@@ -195,7 +195,7 @@ fn hyab(one: [f64; 3], other: [f64; 3]) -> f64 {
     (one[0] - other[0]).abs() + (one[1] - other[1]).hypot(one[2] - other[2])
 }
 
-/// That of green and blue, the largest in the gamut.
+/// The difference of green and blue, the largest in the gamut.
 fn largest_difference() -> f64 {
     hyab(hunt([0.0, 1.0, 0.0]), hunt([0.0, 0.0, 1.0])).powf(COLOR_EXPONENT)
 }
@@ -205,9 +205,9 @@ mod tests {
     use super::*;
 
     /// A ramp with a disc and stripes, and the same with the disc moved and noise by a fixed rule.
-    fn pictures() -> [Picture; 2] {
+    fn images() -> [Image; 2] {
         let size = [64, 48];
-        let picture = |is_second: bool| {
+        let image = |is_second: bool| {
             let mut pixels = Vec::new();
             for y in 0..size[1] {
                 for x in 0..size[0] {
@@ -220,15 +220,15 @@ mod tests {
                     pixels.push([red + noise, ramp + stripe, y as f64 / 48.0 * 0.6 + noise]);
                 }
             }
-            Picture { size, pixels }
+            Image { size, pixels }
         };
-        [picture(false), picture(true)]
+        [image(false), image(true)]
     }
 
     #[test]
     fn agrees_with_the_authors_program() {
-        let [one, other] = pictures();
-        // flip-evaluator 1.7, LDR, sRGB-encoded 32-bit values of the same two pictures, 67.0206 pixels a degree.
+        let [one, other] = images();
+        // flip-evaluator 1.7, LDR, sRGB-encoded 32-bit values of the same two images, 67.0206 pixels a degree.
         let expected = 0.230_854_87;
         assert!((flip(&other, &one) - expected).abs() < 1e-6, "{} against {expected}", flip(&other, &one));
         assert!((flip(&one, &other) - flip(&other, &one)).abs() < 1e-12);
@@ -236,11 +236,11 @@ mod tests {
     }
 
     #[test]
-    fn flat_pictures_agree_too() {
-        let flat = |value: f64| Picture { size: [8, 8], pixels: vec![[value; 3]; 64] };
+    fn flat_images_agree_too() {
+        let flat = |value: f64| Image { size: [8, 8], pixels: vec![[value; 3]; 64] };
         let difference = flip(&flat(0.0), &flat(1.0));
         assert!((difference - 0.967_388).abs() < 1e-5, "{difference}");
-        // Theirs computes in single precision, which shows in the colour of greys that hardly differ.
+        // The authors compute in single precision, which is visible in nearly equal greys.
         let slight = flip(&flat(0.5), &flat(0.51));
         assert!((slight - 0.040_72).abs() < 5e-5, "{slight}");
     }

@@ -7,10 +7,11 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::fit::exponent;
-use crate::{MeasureError, Mode, Picture, Reference};
+use crate::{Image, MeasureError, Mode, Reference};
 
 /// The program under test.
 #[derive(Clone, Debug)]
@@ -23,29 +24,29 @@ pub struct Renderer {
 }
 
 /// What was measured at one number of samples.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Samples a pixel.
     pub samples: u32,
     /// Tone-mapped RMSE against the reference, the mean over two seeds in squares.
     pub rmse: f64,
-    /// Noise of one picture, from two seeds.
+    /// Noise of one image, from two seeds.
     pub own_noise: f64,
-    /// What the program's own audit said, the mean over two seeds in squares; 0 where it said nothing.
+    /// The program's own audited error, the mean over two seeds in squares; 0 if there is none.
     pub audited_rmse: f64,
-    /// Mean of the picture over that of the reference, minus one.
+    /// Mean of the image over that of the reference, minus one.
     pub bias: f64,
     /// The same difference in standard errors.
     pub bias_in_errors: f64,
-    /// Largest relative distance of the mean from an analytic colour; 0 where there is none.
+    /// Largest relative distance of the mean from an analytic colour; 0 without one.
     pub analytic_error: f64,
     /// Values that were not finite.
     pub non_finite: usize,
     /// Seconds of rendering, both seeds.
     pub render_secs: f64,
-    /// Rays of all kinds of one picture.
+    /// Rays of all kinds of one image.
     pub rays: f64,
-    /// Surfels in use at the end; 0 where there are none.
+    /// Surfels in use at the end; 0 for techniques without surfels.
     pub surfels: u64,
 }
 
@@ -87,7 +88,7 @@ impl Measurement {
 }
 
 impl Renderer {
-    /// The program that `SURFELCAST_BIN` names, else the one that cargo built beside the running test or command.
+    /// The program that `SURFELCAST_BIN` names, else the one that cargo built next to the running test or command.
     pub fn find(technique: &str) -> Result<Self, MeasureError> {
         let program = if let Some(path) = std::env::var_os("SURFELCAST_BIN") {
             PathBuf::from(path)
@@ -107,11 +108,11 @@ impl Renderer {
         Ok(Self { program, technique: technique.to_owned(), arguments: Vec::new() })
     }
 
-    /// Renders a reference's picture; returns it and the rays of all kinds that it took.
-    pub fn picture(&self, reference: &Reference, samples: u32, seed: u64) -> Result<(Picture, f64), MeasureError> {
+    /// Renders a reference's image; returns it and the rays of all kinds that it took.
+    pub fn image(&self, reference: &Reference, samples: u32, seed: u64) -> Result<(Image, f64), MeasureError> {
         let folder = temporary_folder()?;
-        let (picture, stats) = self.render(reference, samples, seed, folder.path())?;
-        Ok((picture, rays_of(&stats)))
+        let (image, stats) = self.render(reference, samples, seed, folder.path())?;
+        Ok((image, rays_of(&stats)))
     }
 
     fn render(
@@ -120,11 +121,11 @@ impl Renderer {
         samples: u32,
         seed: u64,
         folder: &Path,
-    ) -> Result<(Picture, Value), MeasureError> {
-        let (image, stats) = (folder.join("picture.exr"), folder.join("stats.json"));
+    ) -> Result<(Image, Value), MeasureError> {
+        let (file, stats) = (folder.join("image.exr"), folder.join("stats.json"));
         let [width, height] = reference.size;
         let mut command = Command::new(&self.program);
-        command.arg("render").arg(&reference.scene).arg("-o").arg(&image).arg("--stats").arg(&stats);
+        command.arg("render").arg(&reference.scene).arg("-o").arg(&file).arg("--stats").arg(&stats);
         command.args(["--camera", &reference.camera, "--technique", &self.technique]);
         command.args(["--size", &format!("{width}x{height}")]);
         command.args(["--spp", &samples.to_string(), "--seed", &seed.to_string()]);
@@ -141,34 +142,34 @@ impl Renderer {
             let reason = format!("{command:?} ended with {}: {}", output.status, message.trim());
             return Err(MeasureError::Program(reason));
         }
-        let picture = Picture::read_exr(&image)?;
-        let [picture_width, picture_height] = picture.size;
-        if [picture_width, picture_height] != [width as usize, height as usize] {
+        let image = Image::read_exr(&file)?;
+        let [image_width, image_height] = image.size;
+        if [image_width, image_height] != [width as usize, height as usize] {
             return Err(MeasureError::Program(format!(
-                "the image is {picture_width} x {picture_height}; {width} x {height} were requested"
+                "the image is {image_width} x {image_height}; {width} x {height} were requested"
             )));
         }
         let text = std::fs::read_to_string(&stats).map_err(|error| MeasureError::file(&stats, &error))?;
         let stats = serde_json::from_str(&text).map_err(|error| MeasureError::file(&stats, &error))?;
-        Ok((picture, stats))
+        Ok((image, stats))
     }
 
     /// Renders with two seeds and compares.
     pub fn measure(&self, reference: &Reference, samples: u32) -> Result<Point, MeasureError> {
         let folder = temporary_folder()?;
-        let truth = Picture::read_exr(&reference.image)?;
+        let truth = Image::read_exr(&reference.image)?;
         let (first, first_stats) = self.render(reference, samples, 1, folder.path())?;
         let (second, second_stats) = self.render(reference, samples, 2, folder.path())?;
         let non_finite = first.non_finite_count() + second.non_finite_count();
         let analytic_error = analytic_error(&reference.expected.colors, &truth, &first, &second);
 
-        let [truth, first, second] = [truth, first, second].map(|picture| picture.without(&reference.masked));
+        let [truth, first, second] = [truth, first, second].map(|image| image.without(&reference.masked));
         let exposure = reference.exposure;
         let mse = f64::midpoint(first.tone_mapped_mse(&truth, exposure), second.tone_mapped_mse(&truth, exposure));
         let audited = |stats: &Value| stats["error_estimate"]["mse_tonemapped"].as_f64().unwrap_or(0.0);
         let seconds = |stats: &Value| stats["time_secs"]["render"].as_f64().unwrap_or(0.0);
 
-        // Noise of the reference's mean: its channels are nearly one colour's noise, so they count as one value a pixel.
+        // Noise of the reference's mean: its channels are almost fully correlated, so they count as one value a pixel.
         let reference_variance = reference.noise_rmse_linear.powi(2) / truth.pixels.len() as f64;
         let difference = f64::midpoint(first.mean(), second.mean()) - truth.mean();
         let error = (first.variance_of_mean(&second) + reference_variance).sqrt();
@@ -188,10 +189,10 @@ impl Renderer {
     }
 }
 
-/// Tone-mapped RMSE of a picture: what the reference masks is left out, and the truth's mean square noise taken out.
-pub fn error_to_truth(reference: &Reference, picture: &Picture, truth: &Picture, noise_mse: f64) -> f64 {
-    let [picture, truth] = [picture, truth].map(|picture| picture.without(&reference.masked));
-    (picture.tone_mapped_mse(&truth, reference.exposure) - noise_mse).max(0.0).sqrt()
+/// Tone-mapped RMSE of an image without what the reference masks, and without the truth's mean square noise.
+pub fn error_to_truth(reference: &Reference, image: &Image, truth: &Image, noise_mse: f64) -> f64 {
+    let [image, truth] = [image, truth].map(|image| image.without(&reference.masked));
+    (image.tone_mapped_mse(&truth, reference.exposure) - noise_mse).max(0.0).sqrt()
 }
 
 fn temporary_folder() -> Result<tempfile::TempDir, MeasureError> {
@@ -204,7 +205,7 @@ fn rays_of(stats: &Value) -> f64 {
 
 /// Largest relative distance of a mean from the colour it must have. A pixel belongs to a colour when its reference is
 /// within 2 % of it, so that pixels on an outline belong to none.
-fn analytic_error(colors: &[[f64; 3]], truth: &Picture, first: &Picture, second: &Picture) -> f64 {
+fn analytic_error(colors: &[[f64; 3]], truth: &Image, first: &Image, second: &Image) -> f64 {
     let mut largest: f64 = 0.0;
     for color in colors {
         let belongs =
@@ -260,9 +261,9 @@ mod tests {
 
     #[test]
     fn analytic_colors_are_compared_where_they_hold() {
-        let picture = |values: [f64; 3]| Picture { size: [3, 1], pixels: values.map(|value| [value; 3]).to_vec() };
-        let truth = picture([0.8, 0.9, 1.0]);
-        let (first, second) = (picture([0.81, 5.0, 1.0]), picture([0.79, 7.0, 1.004]));
+        let image = |values: [f64; 3]| Image { size: [3, 1], pixels: values.map(|value| [value; 3]).to_vec() };
+        let truth = image([0.8, 0.9, 1.0]);
+        let (first, second) = (image([0.81, 5.0, 1.0]), image([0.79, 7.0, 1.004]));
         let error = analytic_error(&[[0.8; 3], [1.0; 3]], &truth, &first, &second);
         assert!((error - 0.002).abs() < 1e-9, "{error}");
     }

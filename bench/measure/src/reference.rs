@@ -1,4 +1,4 @@
-//! Reference images on disk: `<scene>_<camera>_<mode>.exr` with a JSON of the same name beside it.
+//! Reference images on disk: `<scene>_<camera>_<mode>.exr` with a JSON of the same name.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,18 +14,18 @@ pub enum Mode {
     Lambert,
     /// glTF metallic-roughness.
     Pbr,
-    /// Lambertian surfaces; the picture is B, indirect irradiance over pi without the first albedo.
+    /// Lambertian surfaces; the image is `irradiance_over_pi` of indirect light, without the first albedo.
     Indirect,
 }
 
-/// Colours that arithmetic knows, from the scene's own file.
+/// Analytically known colours, from the scene's own file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expected {
     /// Every pixel whose reference lies near one of these has exactly that colour.
     pub colors: Vec<[f64; 3]>,
 }
 
-/// One reference and what is needed to render the same picture.
+/// One reference and what is needed to render the same image.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// `<scene>_<camera>_<mode>`.
@@ -42,11 +42,11 @@ pub struct Reference {
     pub size: [u32; 2],
     /// Factor of the error metric, not part of the pixel values.
     pub exposure: f64,
-    /// Tone-mapped RMSE that is left in the image itself.
+    /// Tone-mapped RMSE of the image itself.
     pub noise_rmse: f64,
-    /// RMSE of linear values that is left in the image itself.
+    /// RMSE of linear values of the image itself.
     pub noise_rmse_linear: f64,
-    /// Parts in which another renderer is known not to mean the same.
+    /// Parts in which other renderers are known to differ by design.
     pub masked: Vec<Rectangle>,
     /// Analytic values.
     pub expected: Expected,
@@ -148,10 +148,10 @@ mod tests {
         let references = Reference::read_all(&shared)?;
         assert!(references.len() > 20, "{} references", references.len());
         for reference in references {
-            let picture = crate::Picture::read_exr(&reference.image)?;
+            let image = crate::Image::read_exr(&reference.image)?;
             let [width, height] = reference.size.map(|side| side as usize);
-            assert_eq!(picture.size, [width, height], "{}", reference.name);
-            assert_eq!(picture.non_finite_count(), 0, "{}", reference.name);
+            assert_eq!(image.size, [width, height], "{}", reference.name);
+            assert_eq!(image.non_finite_count(), 0, "{}", reference.name);
             assert!(reference.noise_rmse > 0.0 && reference.noise_rmse < 0.05, "{}", reference.name);
         }
         Ok(())

@@ -1,44 +1,91 @@
-//! What studies share: where results go, records that a later run goes on from, tables and plots.
+//! What studies share: where their results go, records that a later run continues, tables, plots and pages.
 
 pub(crate) mod chart;
-mod markers;
+mod file;
+mod origin;
+mod page;
+mod record;
+mod table;
+
+pub(crate) use file::{read_text, write_file};
+pub(crate) use origin::{Origin, describe};
+pub(crate) use page::{Page, links};
+pub(crate) use record::{Measured, Record};
+pub(crate) use table::Table;
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use surfelcast::Failure;
 use surfelcast::args::DeviceArgs;
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_measure::MeasureError;
 
-use markers::replace_between_markers;
-
-/// Where a study's tables go.
-#[derive(Debug, Args)]
-pub(crate) struct TableArgs {
-    /// Document to write the tables into, between the markers of their name, such as `<!-- error: begin -->` and
-    /// `<!-- error: end -->`.
-    #[arg(long, value_name = "FILE.md")]
-    table: Option<PathBuf>,
-}
-
-/// Where results go, shared by studies that render themselves.
+/// Where results go.
 #[derive(Debug, Args)]
 pub(crate) struct OutputArgs {
-    /// Folder for CSV, JSON and plots. What is in it already is not measured again.
+    /// Folder for JSON, CSV and plots. A later run continues what is in it.
     #[arg(long, value_name = "DIR", default_value = "data/bench")]
     pub(crate) out: PathBuf,
-    #[command(flatten)]
-    pub(crate) table: TableArgs,
+    /// Folder of the pages; without it the tables are only printed.
+    #[arg(long, value_name = "DIR")]
+    docs: Option<PathBuf>,
+    /// Take what is recorded, whatever commit and device it was measured with: the page states both.
+    #[arg(long)]
+    pub(crate) reuse: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// Opens the device of the command line.
+impl OutputArgs {
+    /// Opens the device of the command line.
+    pub(crate) fn gpu(&self) -> Result<Gpu, Failure> {
+        open_gpu(&self.device)
+    }
+
+    /// The choice of the device, for the command line of the finished program.
+    pub(crate) fn device_words(&self) -> Vec<String> {
+        let adapter = self.device.adapter.iter().flat_map(|name| ["--adapter".to_owned(), name.clone()]);
+        let memory = self.device.gpu_memory.iter().flat_map(|mib| ["--gpu-memory".to_owned(), mib.to_string()]);
+        adapter.chain(memory).collect()
+    }
+
+    /// Opens the record of a study.
+    pub(crate) fn record<T: Measured>(&self, study: &str) -> Result<Record<T>, Failure> {
+        Record::open(&self.out.join(study).with_extension("json"), self.reuse)
+    }
+
+    /// Refuses a page of a part of the study.
+    pub(crate) fn refuse_page_of_part(&self, option: &str) -> Result<(), Failure> {
+        match &self.docs {
+            Some(_) => {
+                Err(Failure::input(format!("{option} leaves rows out: the page (--docs) is of the whole study")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Prints the parts of a page, and writes the page and the plots that it shows.
+    #[allow(clippy::print_stdout, reason = "the tables are the command's output")]
+    pub(crate) fn publish(&self, page: &Page, parts: &[(&str, String)]) -> Result<(), Failure> {
+        for (_, text) in parts {
+            println!("{text}");
+        }
+        let Some(folder) = &self.docs else { return Ok(()) };
+        let text = page.fill(parts)?;
+        for plot in links(&text) {
+            let drawn = self.out.join(plot);
+            if drawn.extension().is_some_and(|ending| ending == "svg") && drawn.is_file() {
+                write_file(&folder.join(plot), read_text(&drawn)?.as_bytes())?;
+            }
+        }
+        write_file(&folder.join(page.name).with_extension("md"), text.as_bytes())
+    }
+}
+
+/// Opens a device.
 pub(crate) fn open_gpu(device: &DeviceArgs) -> Result<Gpu, Failure> {
     Ok(Gpu::open(&GpuOptions {
         adapter: device.adapter.clone(),
@@ -47,41 +94,10 @@ pub(crate) fn open_gpu(device: &DeviceArgs) -> Result<Gpu, Failure> {
     })?)
 }
 
-impl OutputArgs {
-    pub(crate) fn gpu(&self) -> Result<Gpu, Failure> {
-        open_gpu(&self.device)
-    }
-}
-
-impl TableArgs {
-    /// Refuses a document without a place for the tables before anything is measured.
-    pub(crate) fn check(&self, name: &str) -> Result<(), Failure> {
-        let Some(path) = &self.table else { return Ok(()) };
-        replace_between_markers(&read_text(path)?, name, "")
-            .map(drop)
-            .map_err(|error| Failure::input(format!("--table {}: {error}", path.display())))
-    }
-
-    /// Prints the tables, and writes them into the document where there is one.
-    #[allow(clippy::print_stdout, reason = "the tables are the command's output")]
-    pub(crate) fn publish(&self, name: &str, markdown: &str) -> Result<(), Failure> {
-        println!("{markdown}");
-        let Some(path) = &self.table else { return Ok(()) };
-        write_file(path, replace_between_markers(&read_text(path)?, name, markdown)?.as_bytes())
-    }
-}
-
 /// A fault of a file that was to be measured.
 #[allow(clippy::needless_pass_by_value, reason = "the form that `map_err` takes")]
 pub(crate) fn input(error: MeasureError) -> Failure {
     Failure::input(error.to_string())
-}
-
-/// Adapter, driver and the processors that a software adapter runs on.
-pub(crate) fn device_name(gpu: &Gpu) -> String {
-    let info = gpu.info();
-    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    format!("{} ({}), {threads} threads", info.name, info.driver)
 }
 
 /// A bar on a terminal, nothing in a pipe.
@@ -96,41 +112,7 @@ pub(crate) fn progress_bar(length: u64) -> ProgressBar {
     bar
 }
 
-/// What an earlier run wrote down; nothing where there is no such file.
-pub(crate) fn read_record<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Failure> {
-    match std::fs::read(path) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|error| {
-            Failure::input(format!(
-                "{}: not a record of this program ({error}); choose another --out, or remove it",
-                path.display()
-            ))
-        }),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
-        Err(error) => Err(Failure::input(format!("{}: {error}", path.display()))),
-    }
-}
-
-/// Writes a record down, and the same as CSV beside it.
-pub(crate) fn write_record<T: Serialize>(path: &Path, record: &[T], csv: &str) -> Result<(), Failure> {
-    let json = serde_json::to_vec_pretty(record).map_err(|error| Failure::runtime(error.to_string()))?;
-    // Written beside and renamed, so that an interrupt leaves the old file or the new one.
-    let written = path.with_extension("new");
-    write_file(&written, &json)?;
-    std::fs::rename(&written, path).map_err(|error| Failure::runtime(format!("{}: {error}", path.display())))?;
-    write_file(&path.with_extension("csv"), csv.as_bytes())
-}
-
-pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
-}
-
-/// Writes a file, and the folder it lies in.
-pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let written = match path.parent() {
-        Some(folder) => std::fs::create_dir_all(folder),
-        None => Ok(()),
-    };
-    written
-        .and_then(|()| std::fs::write(path, bytes))
-        .map_err(|error| Failure::runtime(format!("{} could not be written: {error}", path.display())))
+/// A number with that many digits, or a dash.
+pub(crate) fn known(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
 }

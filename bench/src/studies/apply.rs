@@ -3,13 +3,11 @@
 //!
 //! Surfels lie where rays from the camera over the whole sphere hit the scene, and are sized by the thesis' equation 5.4.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use clap::Args;
-use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use surfelcast::args::DeviceArgs;
+use serde::{Deserialize, Serialize};
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::{Gpu, GpuError, PassTime};
 use surfelcast_passes::features::features_for;
@@ -23,12 +21,12 @@ use surfelcast_techniques::{
     SurfelCache, SurfelSettings, TechniqueError,
 };
 
-use crate::report::{TableArgs, device_name, open_gpu};
+use crate::hit::facing_normal;
+use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};
 
-/// Name of the markers.
-const NAME: &str = "apply";
+pub(super) const PAGE: Page = Page { name: "apply", template: include_str!("../../pages/apply.md.in") };
 const SCENE: &str = "demo:interior";
-/// Picture of the thesis' measurement.
+/// Image size of the thesis' measurement.
 const SIZE: [u32; 2] = [600, 600];
 /// Surfel counts, and the frames per second that the thesis states for instanced and procedural drawing.
 const COUNTS: [(u32, &str, &str); 5] = [
@@ -49,12 +47,52 @@ pub(crate) struct ApplyArgs {
     #[arg(long, value_name = "N", default_value_t = u32::MAX)]
     most: u32,
     #[command(flatten)]
-    table: TableArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
+    output: OutputArgs,
 }
 
-/// Surfels where the rays of a Fibonacci sphere hit, seen from the camera: every `parts`-th of `count`, from `part` on.
+/// Times for one number of surfels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    key: Key,
+    origin: Origin,
+    /// Surfels that a ray placed, and the caches that hold them.
+    placed: usize,
+    caches: u32,
+    /// Milliseconds of gathering, of boxes and of quads.
+    ms: [f64; 3],
+    /// Bits of the floats in which drawing sums.
+    float_bits: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Key {
+    surfels: u32,
+}
+
+impl Measured for Row {
+    type Key = Key;
+
+    fn key(&self) -> &Key {
+        &self.key
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn table(rows: &[Self]) -> Table {
+        let columns = ["rays", "placed", "caches", "gather_ms", "boxes_ms", "quads_ms", "commit", "device"];
+        let mut table = Table::new(columns);
+        for row in rows {
+            let counts = [row.key.surfels.to_string(), row.placed.to_string(), row.caches.to_string()];
+            let origin = [row.origin.commit.clone(), row.origin.device.clone()];
+            table.push(counts.into_iter().chain(row.ms.map(|ms| format!("{ms:.3}"))).chain(origin));
+        }
+        table
+    }
+}
+
+/// Surfels where the rays of a Fibonacci sphere about the camera hit: every `parts`-th of `count`, starting with `part`.
 fn surfels(scene: &Scene, count: u32, part: u32, parts: u32) -> Vec<ExportedSurfel> {
     let origin = (scene.cameras[0].camera.position - scene.origin).as_vec3();
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -65,21 +103,9 @@ fn surfels(scene: &Scene, count: u32, part: u32, parts: u32) -> Vec<ExportedSurf
         let around = (1.0 - height * height).max(0.0).sqrt();
         let direction = glam::DVec3::new(cos * around, height, sin * around).as_vec3();
         let hit = closest_hit(&scene.geometry, origin, direction, 0.0, f32::MAX)?;
-        let triangle = &scene.geometry.bvh_triangles[hit.bvh_triangle as usize];
-        let rows = scene.geometry.instances[hit.instance as usize].scene_from_object.map(Vec4::from);
-        let [v0, v1, v2] = [triangle.v0, triangle.v1, triangle.v2].map(|corner| {
-            let corner = Vec3::from(corner);
-            if scene.geometry.baked_instance == Some(hit.instance) {
-                corner
-            } else {
-                Vec3::from_array(rows.map(|row| row.dot(corner.extend(1.0))))
-            }
-        });
-        let normal = (v1 - v0).cross(v2 - v0).normalize_or(-direction);
-        let facing = normal.dot(direction);
-        let normal = if facing > 0.0 { -normal } else { normal };
+        let normal = facing_normal(&scene.geometry, &hit, direction);
         // Equation 5.4.
-        let radius = DENSITY * hit.t * 4.0 / ((count as f32).sqrt() * (facing.abs() + 1.0) / 2.0);
+        let radius = DENSITY * hit.t * 4.0 / ((count as f32).sqrt() * (normal.dot(direction).abs() + 1.0) / 2.0);
         let record = SurfelRecord {
             position: (origin + direction * hit.t).to_array(),
             radius,
@@ -109,8 +135,8 @@ struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    /// Surfels placed, the number of caches that hold them, and the fastest times of gather, boxes and quads. Where one cache of
-    /// so many does not fit the device, several draw in turn; they cannot be gathered as one.
+    /// Surfels placed, the number of caches that hold them, and the fastest times of gather, boxes and quads. If one cache of
+    /// that size does not fit the device, several draw one after the other; they cannot be gathered as one.
     fn measure(&self, count: u32) -> Result<(usize, u32, [f64; 3]), Failure> {
         let mut parts = 1;
         loop {
@@ -137,7 +163,7 @@ impl Setup<'_> {
             let mut cache = SurfelCache::filled(self.gpu, &self.buffers, &self.lights, settings, &placed)?;
             all_placed += placed.len();
             let mut fastest = [f64::INFINITY; 3];
-            // In turn, so that whatever else the machine does meets all alike.
+            // Alternating, so that other load of the machine affects all three alike.
             for _ in 0..ROUNDS {
                 for (time, apply) in fastest.iter_mut().zip([Apply::Gather, Apply::Boxes, Apply::Quads]) {
                     let (_, passes) =
@@ -152,7 +178,7 @@ impl Setup<'_> {
         Ok((all_placed, sums))
     }
 
-    /// The radius that the thesis' sizes come to on the picture, so that gathers look for surfels of that size.
+    /// The radius of the thesis' sizes in pixels of the image, so that gathers search for surfels of that size.
     fn radius_pixels(&self, count: u32) -> f32 {
         let pixel = 2.0 * (self.scene.cameras[0].camera.vfov * 0.5).tan() as f32 / SIZE[1] as f32;
         (DENSITY * 4.0 / (count as f32).sqrt() / pixel).clamp(1.5, 32.0)
@@ -161,9 +187,10 @@ impl Setup<'_> {
 
 #[allow(clippy::print_stderr, reason = "a study says how far it is")]
 pub(crate) fn run(args: &ApplyArgs) -> Result<(), Failure> {
-    args.table.check(NAME)?;
+    let mut record = args.output.record::<Row>(PAGE.name)?;
     let scene = scene_file::load(Path::new(SCENE), None, None)?;
-    let gpu = open_gpu(&args.device)?;
+    let gpu = args.output.gpu()?;
+    let origin = Origin::of(&gpu);
     gpu.can_draw()?;
     let lights = LightBuffers::new(&gpu, &scene, &LightState::of_scene(&scene))?;
     let setup = Setup {
@@ -173,20 +200,42 @@ pub(crate) fn run(args: &ApplyArgs) -> Result<(), Failure> {
         features: features_for(&scene.summary, MaterialMode::Lambert, lights.punctual_count > 0, false),
         lights,
     };
-    let mut text = format!(
-        "{}, sums in {}-bit floats\n\n\
-         | rays, surfels placed | gather, ms | boxes, ms | quads, ms | thesis: instanced, FPS | thesis: procedural, FPS |\n\
-         |---|---|---|---|---|---|\n",
-        device_name(&gpu),
-        if gpu.draws_full_floats() { 32 } else { 16 },
-    );
-    for (count, instanced, procedural) in COUNTS.iter().filter(|(count, ..)| *count <= args.most) {
-        let (placed, parts, [gather, boxes, quads]) = setup.measure(*count)?;
-        let gather = if parts == 1 { format!("{gather:.1}") } else { format!("- ({parts} caches)") };
-        let row = format!("| {count}, {placed} | {gather} | {boxes:.1} | {quads:.1} | {instanced} | {procedural} |");
-        eprintln!("{row}");
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{row}");
+    let mut rows = Vec::new();
+    for (count, ..) in COUNTS.iter().filter(|(count, ..)| *count <= args.most) {
+        let key = Key { surfels: *count };
+        let row = record.find_or_measure(&key, &origin, || {
+            let (placed, caches, ms) = setup.measure(*count)?;
+            let float_bits = if gpu.draws_full_floats() { 32 } else { 16 };
+            Ok(Row { key: key.clone(), origin: origin.clone(), placed, caches, ms, float_bits })
+        })?;
+        eprintln!("{count} surfels: gather, boxes, quads in {:.1?} ms", row.ms);
+        rows.push(row.clone());
     }
-    args.table.publish(NAME, &text)
+    args.output.publish(&PAGE, &[(PAGE.name, markdown(&rows))])
+}
+
+fn markdown(rows: &[Row]) -> String {
+    let mut table = Table::new([
+        "rays, surfels placed",
+        "gather, ms",
+        "boxes, ms",
+        "quads, ms",
+        "thesis: instanced, FPS",
+        "thesis: procedural, FPS",
+    ]);
+    for row in rows {
+        let [gather, boxes, quads] = row.ms.map(|ms| format!("{ms:.1}"));
+        let theirs = COUNTS.iter().find(|(count, ..)| *count == row.key.surfels);
+        let (instanced, procedural) = theirs.map_or(("-", "-"), |(_, instanced, procedural)| (instanced, procedural));
+        table.push([
+            format!("{}, {}", row.key.surfels, row.placed),
+            if row.caches == 1 { gather } else { format!("- ({} caches)", row.caches) },
+            boxes,
+            quads,
+            instanced.to_owned(),
+            procedural.to_owned(),
+        ]);
+    }
+    let bits = rows.first().map(|row| format!("sums in {}-bit floats", row.float_bits));
+    describe(rows.iter().map(|row| &row.origin), &bits.into_iter().collect::<Vec<_>>()) + &table.markdown()
 }

@@ -1,17 +1,15 @@
-//! How far apart in memory the surfels of neighbouring pixels lie, for each way to place a cache's first surfels: what Noack's
-//! thesis shows in figure 5.4 as a picture of ids.
+//! Distance in memory between the surfels of neighbouring pixels, for each way to place a cache's first surfels: what figure
+//! 5.4 of Noack 2022 shows as an image of ids.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 use clap::Args;
 use glam::{DQuat, DVec3};
-use surfelcast::args::DeviceArgs;
+use serde::{Deserialize, Serialize};
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::surfel::Initial;
 use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
@@ -19,16 +17,17 @@ use surfelcast_techniques::{
     SurfelSettings, registry,
 };
 
-use crate::report::{TableArgs, open_gpu};
+use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};
+use crate::stage::read_pixels;
 
-/// Name of the markers.
-const NAME: &str = "locality";
+pub(super) const PAGE: Page = Page { name: "locality", template: include_str!("../../pages/locality.md.in") };
+
 const SIZE: [u32; 2] = [320, 240];
-/// Pixels of a tile's side: a workgroup's, which reads its surfels together.
+/// Side of a tile in pixels: that of a workgroup, which reads its surfels together.
 const TILE: u32 = 8;
-/// Ids whose `SurfelOutput` shares 128 bytes, a line of a GPU's cache.
+/// Surfels in 128 bytes, a line of a GPU's cache.
 const LINE_IDS: u32 = 4;
-/// Frames of a turn on the spot after which locality is measured again, and degrees turned in each.
+/// Frames of a rotation in place after which locality is measured again, and its degrees per frame.
 const WALK_FRAMES: u32 = 12;
 const WALK_DEGREES: f64 = 30.0;
 const WAYS: [(&str, Initial); 3] =
@@ -37,18 +36,69 @@ const WAYS: [(&str, Initial); 3] =
 #[derive(Debug, Args)]
 pub(crate) struct LocalityArgs {
     #[command(flatten)]
-    table: TableArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
+    output: OutputArgs,
 }
 
-/// What a picture's ids tell.
+/// One scene with one way to place the first surfels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    key: Key,
+    origin: Origin,
+    /// Surfels placed that way, and all after the first frame.
+    surfels: [u32; 2],
+    /// Of those alone, of all after the first frame, and of all after a turn.
+    localities: [Locality; 3],
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Key {
+    scene: String,
+    placement: String,
+}
+
+impl Measured for Row {
+    type Key = Key;
+
+    fn key(&self) -> &Key {
+        &self.key
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn table(rows: &[Self]) -> Table {
+        let mut table = Table::new([
+            "scene",
+            "placement",
+            "placed",
+            "surfels",
+            "placed_distance",
+            "placed_lines",
+            "all_distance",
+            "all_lines",
+            "turned_distance",
+            "turned_lines",
+            "commit",
+            "device",
+        ]);
+        for Row { key, origin, surfels, localities } in rows {
+            let numbers = localities.iter().flat_map(|one| [one.distance.to_string(), format!("{:.4}", one.lines)]);
+            let head = [key.scene.clone(), key.placement.clone()].into_iter().chain(surfels.map(|n| n.to_string()));
+            table.push(head.chain(numbers).chain([origin.commit.clone(), origin.device.clone()]));
+        }
+        table
+    }
+}
+
+/// Locality of the surfels that an image shows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Locality {
-    /// Pairs of such pixels.
+    /// Pairs of neighbouring pixels that show different surfels.
     pairs: usize,
-    /// Median difference of the ids of neighbouring pixels that show different surfels.
+    /// Median difference of the ids of such pairs.
     distance: u32,
-    /// Lines of memory for each surfel that a tile shows: 1 if no two lie together, 0.25 at best.
+    /// Cache lines per surfel that a tile shows: 1 if no two share a line, 0.25 at best.
     lines: f64,
 }
 
@@ -111,9 +161,7 @@ fn measure(gpu: &Gpu, scene: &Scene, camera: Camera, initial: Initial) -> Result
         let cache = picture.surfel_cache().ok_or_else(|| Failure::runtime("the technique has no cache"))?;
         let (look, _) =
             cache.lock().look(gpu, &buffers, &lights, &view, picture.features(), SurfelOutput::Id, false)?;
-        let mut graph = gpu.graph("surfel_locality");
-        let ticket = graph.read_back(&look, 0..look.size_bytes())?;
-        let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&graph.submit()?.wait()?.take(ticket)?);
+        let pixels = read_pixels(gpu, &look)?;
         let ids: Vec<u32> = pixels.iter().map(|pixel| pixel[0] as u32).collect();
         let cache = cache.lock();
         Ok(([cache.seeded(), cache.counts()[0]], ids))
@@ -129,26 +177,42 @@ fn measure(gpu: &Gpu, scene: &Scene, camera: Camera, initial: Initial) -> Result
 }
 
 pub(crate) fn run(args: &LocalityArgs) -> Result<(), Failure> {
-    args.table.check(NAME)?;
-    let gpu = open_gpu(&args.device)?;
-    let mut text = String::from(
-        "| scene | first surfels | placed so, of all | distance | lines | all: distance | lines | after a turn: distance | lines |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
-    );
+    let mut record = args.output.record::<Row>(PAGE.name)?;
+    let gpu = args.output.gpu()?;
+    let origin = Origin::of(&gpu);
+    let mut rows = Vec::new();
     for scene in scene_file::load_demos()? {
         let camera = scene_file::camera_of(&scene, None)?.camera;
-        for (name, initial) in WAYS {
-            let ([seeded, surfels], [alone, all, turned]) = measure(&gpu, &scene, camera, initial)?;
-            // Few pairs say nothing.
-            let own =
-                if alone.pairs > 100 { format!("{} | {:.2}", alone.distance, alone.lines) } else { "- | -".to_owned() };
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "| {} | {name} | {seeded} of {surfels} | {own} | {} | {:.2} | {} | {:.2} |",
-                scene.name, all.distance, all.lines, turned.distance, turned.lines
-            );
+        for (placement, initial) in WAYS {
+            let key = Key { scene: scene.name.clone(), placement: placement.to_owned() };
+            let row = record.find_or_measure(&key, &origin, || {
+                let (surfels, localities) = measure(&gpu, &scene, camera, initial)?;
+                Ok(Row { key: key.clone(), origin: origin.clone(), surfels, localities })
+            })?;
+            rows.push(row.clone());
         }
     }
-    args.table.publish(NAME, &text)
+    args.output.publish(&PAGE, &[(PAGE.name, markdown(&rows))])
+}
+
+fn markdown(rows: &[Row]) -> String {
+    let mut table = Table::new([
+        "scene",
+        "first surfels",
+        "placed so, of all",
+        "distance",
+        "lines",
+        "all: distance",
+        "lines",
+        "after a turn: distance",
+        "lines",
+    ]);
+    for Row { key, surfels: [seeded, surfels], localities: [alone, all, turned], .. } in rows {
+        // Few pairs have no meaningful median.
+        let cells = |one: &Locality| [one.distance.to_string(), format!("{:.2}", one.lines)];
+        let head = [key.scene.clone(), key.placement.clone(), format!("{seeded} of {surfels}")];
+        let alone = if alone.pairs > 100 { cells(alone) } else { ["-", "-"].map(str::to_owned) };
+        table.push(head.into_iter().chain(alone).chain(cells(all)).chain(cells(turned)));
+    }
+    describe(rows.iter().map(|row| &row.origin), &[]) + &table.markdown()
 }

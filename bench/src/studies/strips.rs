@@ -1,4 +1,4 @@
-//! Frames of the surfel cache in motion, as contact sheets: what a person would see, frame by frame.
+//! Frames of the surfel cache in motion, as contact sheets: what a user sees, frame by frame.
 //!
 //! `strip-start.jpg` (from an empty cache), `strip-orbit.jpg` (the camera moves in every frame), `strip-switch.jpg` (all lamps
 //! dim to a fifth and come back) and `strip-lamp.jpg` (a lamp moves in every frame) are each read row by row.
@@ -12,7 +12,6 @@ use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, PunctualKind, PunctualLight, Scene};
-use surfelcast_shaders::layout::bytemuck;
 use surfelcast_stream::{Codec, Quality, encode, tone_map_to_rgba8};
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
@@ -20,6 +19,7 @@ use surfelcast_techniques::{
 };
 
 use crate::report::{open_gpu, write_file};
+use crate::stage::read_pixels;
 
 const SCENE: &str = "demo:interior";
 const SIZE: [u32; 2] = [320, 200];
@@ -70,7 +70,7 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    /// The picture after so many more frames, the first of them new if `is_cut`.
+    /// The image after `frames` more frames; `is_cut` restarts its accumulation.
     fn shoot(&mut self, camera: Camera, frames: u32, is_cut: bool) -> Result<Vec<[f32; 3]>, Failure> {
         if is_cut {
             self.technique.invalidate(Change::Camera);
@@ -81,23 +81,20 @@ impl<'a> Stage<'a> {
             let budget = StepBudget { max_paths: 16_384, until_samples: goal, max_batch: 64 };
             self.technique.step(self.gpu, &self.buffers, &self.lights, &view, budget)?;
         }
-        let picture = self.technique.picture();
-        let mut graph = self.gpu.graph("film_strip");
-        let ticket = graph.read_back(picture, 0..picture.size_bytes())?;
-        let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&graph.submit()?.wait()?.take(ticket)?);
+        let pixels = read_pixels(self.gpu, self.technique.picture())?;
         Ok(pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect())
     }
 }
 
-/// Pictures side by side, in rows.
+/// Images side by side, in rows.
 #[allow(clippy::print_stdout, reason = "the files are the command's output")]
-fn write_sheet(path: &Path, pictures: &[Vec<[f32; 3]>], exposure: f32) -> Result<(), Failure> {
+fn write_sheet(path: &Path, images: &[Vec<[f32; 3]>], exposure: f32) -> Result<(), Failure> {
     let [width, height] = SIZE.map(|side| side as usize);
-    let rows = pictures.len().div_ceil(COLUMNS);
+    let rows = images.len().div_ceil(COLUMNS);
     let mut sheet = vec![[0.0f32; 3]; width * COLUMNS * height * rows];
-    for (index, picture) in pictures.iter().enumerate() {
+    for (index, image) in images.iter().enumerate() {
         let (left, top) = (index % COLUMNS * width, index / COLUMNS * height);
-        for (y, row) in picture.chunks_exact(width).enumerate() {
+        for (y, row) in image.chunks_exact(width).enumerate() {
             let start = (top + y) * width * COLUMNS + left;
             sheet[start..start + width].copy_from_slice(row);
         }

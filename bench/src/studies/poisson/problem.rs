@@ -1,14 +1,15 @@
-//! Poisson problems that are made up, on the device, and solving them with a look at every iteration.
+//! Synthetic Poisson problems on the device, and a solver that is observed at every iteration.
 
+use surfelcast::Failure;
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
 use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
 
-use surfelcast::Failure;
+use crate::stage::read_pixels;
 
-/// A picture on the host, as the device has it.
+/// An image on the host, in the layout of the device.
 pub(super) type Pixels = Vec<[f32; 4]>;
 
-/// Uniform and normal numbers, always the same ones.
+/// Uniform and normal random numbers from a fixed seed.
 struct Random(u64);
 
 impl Random {
@@ -24,7 +25,7 @@ impl Random {
     }
 }
 
-/// Something like a printed logo: a shaded disc, letters of hard edges, a fine grating, on a soft ground.
+/// An image like a printed logo: a shaded disc, letters with hard edges, a fine grating, on a smooth background.
 pub(super) fn logo([width, height]: [u32; 2]) -> Pixels {
     let color = |x: f64, y: f64| {
         let mut color = [0.25 + 0.2 * y, 0.3 + 0.1 * (3.0 * x).sin(), 0.35 + 0.2 * x];
@@ -56,9 +57,9 @@ pub(super) fn logo([width, height]: [u32; 2]) -> Pixels {
 }
 
 /// Differences to the right and downwards, two a pixel.
-pub(super) fn differences(picture: &[[f32; 4]], [width, height]: [u32; 2]) -> Pixels {
+pub(super) fn differences(image: &[[f32; 4]], [width, height]: [u32; 2]) -> Pixels {
     let [width, height] = [width as usize, height as usize];
-    let minus = |q: usize, p: usize| std::array::from_fn(|i| picture[q][i] - picture[p][i]);
+    let minus = |q: usize, p: usize| std::array::from_fn(|i| image[q][i] - image[p][i]);
     (0..width * height)
         .flat_map(|p| {
             let right = if p % width + 1 < width { minus(p + 1, p) } else { [0.0; 4] };
@@ -69,7 +70,7 @@ pub(super) fn differences(picture: &[[f32; 4]], [width, height]: [u32; 2]) -> Pi
 }
 
 /// Blurred by a Gaussian, the border left out of the mean.
-pub(super) fn blurred(picture: &[[f32; 4]], [width, height]: [u32; 2], sigma: f64) -> Pixels {
+pub(super) fn blurred(image: &[[f32; 4]], [width, height]: [u32; 2], sigma: f64) -> Pixels {
     let radius = (3.0 * sigma).ceil() as i64;
     let axis = |source: &[[f32; 4]], length: i64, stride: i64, place: &dyn Fn(i64) -> i64| -> Pixels {
         (0..source.len() as i64)
@@ -85,7 +86,7 @@ pub(super) fn blurred(picture: &[[f32; 4]], [width, height]: [u32; 2], sigma: f6
             .collect()
     };
     let [width, height] = [i64::from(width), i64::from(height)];
-    let rows = axis(picture, width, 1, &|p| p % width);
+    let rows = axis(image, width, 1, &|p| p % width);
     axis(&rows, height, width, &|p| p / width)
 }
 
@@ -126,8 +127,8 @@ impl OnDevice {
         })
     }
 
-    /// The logo under noise, with edges of random weight, of which those across a row of bars hardly count: what adaptive
-    /// weights make of a picture. `screen` is the weight of the values.
+    /// The logo with noise, and edges of random weight, nearly zero across vertical bars: what adaptive weights produce.
+    /// `screen` is the weight of the values.
     pub(super) fn noisy(gpu: &Gpu, size: [u32; 2], screen: f32) -> Result<Self, Failure> {
         let mut random = Random(7);
         let truth = logo(size);
@@ -147,16 +148,16 @@ impl OnDevice {
     }
 
     pub(super) fn solution(&self, gpu: &Gpu) -> Result<Pixels, Failure> {
-        read(gpu, &self.solution)
+        read_pixels(gpu, &self.solution)
     }
 
-    /// Solves, and calls `look` with the number of iterations, the true residual and the milliseconds on the device so far,
-    /// after each iteration; it returns whether to go on. The start counts as iteration 0.
+    /// Solves, and calls `observe` after each iteration with the number of iterations, the true residual and the milliseconds
+    /// on the device so far; it returns whether to continue. The start counts as iteration 0.
     pub(super) fn solve(
         &self,
         gpu: &Gpu,
         settings: PoissonSettings,
-        mut look: impl FnMut(u32, f64, f64) -> Result<bool, Failure>,
+        mut observe: impl FnMut(u32, f64, f64) -> Result<bool, Failure>,
     ) -> Result<(), Failure> {
         let problem = PoissonProblem {
             value: &self.value,
@@ -166,21 +167,13 @@ impl OnDevice {
         };
         let mut solver = PoissonSolver::new(gpu, self.size, PoissonSettings { tolerance: 0.0, ..settings })?;
         solver.begin(gpu, &problem)?;
-        let mut goes_on = look(0, solver.true_residual(gpu, &problem)?, solver.report().gpu_ms())?;
+        let mut goes_on = observe(0, solver.true_residual(gpu, &problem)?, solver.report().gpu_ms())?;
         while goes_on && solver.report().iterations < settings.iterations {
             let is_solved = solver.advance(gpu, &problem, 1)?;
             let residual = solver.true_residual(gpu, &problem)?;
             let report = solver.report();
-            goes_on = look(report.iterations, residual, report.gpu_ms())? && !is_solved;
+            goes_on = observe(report.iterations, residual, report.gpu_ms())? && !is_solved;
         }
         Ok(())
     }
-}
-
-/// Reads a buffer of pixels.
-pub(super) fn read(gpu: &Gpu, buffer: &Buffer) -> Result<Pixels, Failure> {
-    let mut graph = gpu.graph("read");
-    let ticket = graph.read_back(buffer, 0..buffer.size_bytes())?;
-    let bytes = graph.submit()?.wait()?.take(ticket)?;
-    Ok(bytemuck::pod_collect_to_vec(&bytes))
 }

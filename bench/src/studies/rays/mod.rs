@@ -1,16 +1,15 @@
 //! Rays per second on the GPU and by the plain CPU traversal, over the same hierarchy and the same rays.
 //!
-//! The ratio says how much of the machine the kernel uses where the GPU is a software one; on a real GPU it says what the
-//! GPU is worth.
+//! With a software GPU the ratio is the share of the machine that the kernel uses; with a real GPU it is the speedup.
 
-use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use surfelcast::args::DeviceArgs;
+use serde::{Deserialize, Serialize};
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
 use surfelcast_measure::shared_folder;
@@ -19,9 +18,10 @@ use surfelcast_scene::{Scene, SceneGeometry};
 use surfelcast_shaders::Features;
 use surfelcast_techniques::SceneBuffers;
 
-use crate::report::{TableArgs, device_name, open_gpu};
+use crate::hit::facing_normal;
+use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};
 
-/// Pixels of the picture whose camera rays are traced: whole tiles of 8 by 8.
+/// Size of the image whose camera rays are traced: whole tiles of 8 by 8 pixels.
 const SIZE: [u32; 2] = [1280, 720];
 /// Time of each race before it is measured, time that is measured, and rounds at least.
 const WARM_UP: Duration = Duration::from_secs(1);
@@ -29,17 +29,61 @@ const MEASURED: Duration = Duration::from_secs(4);
 const LEAST_ROUNDS: usize = 10;
 /// Scenes next to the references, where there are any.
 const SHARED_SCENES: [&str; 2] = ["terrain", "sponza"];
-/// Name of the markers.
-const NAME: &str = "rays";
+pub(super) const PAGE: Page = Page { name: "rays", template: include_str!("../../../pages/rays.md.in") };
+
 const KERNEL: &str = include_str!("trace_rays.wesl");
 const NO_HIT: u32 = u32::MAX;
 
 #[derive(Debug, Args)]
 pub(crate) struct RaysArgs {
     #[command(flatten)]
-    table: TableArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
+    output: OutputArgs,
+}
+
+/// Millions of rays a second in one scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    key: Key,
+    origin: Origin,
+    triangles: usize,
+    on_gpu: f64,
+    on_cpu: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Key {
+    scene: String,
+    /// Camera rays, or cosine-distributed ones from their hits.
+    kind: String,
+}
+
+impl Measured for Row {
+    type Key = Key;
+
+    fn key(&self) -> &Key {
+        &self.key
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    fn table(rows: &[Self]) -> Table {
+        let columns = ["scene", "rays", "triangles", "gpu_mrays_per_sec", "cpu_mrays_per_sec", "commit", "device"];
+        let mut table = Table::new(columns);
+        for Row { key, origin, triangles, on_gpu, on_cpu } in rows {
+            table.push([
+                key.scene.clone(),
+                key.kind.clone(),
+                triangles.to_string(),
+                format!("{on_gpu:.3}"),
+                format!("{on_cpu:.3}"),
+                origin.commit.clone(),
+                origin.device.clone(),
+            ]);
+        }
+        table
+    }
 }
 
 /// Origin and largest distance, direction.
@@ -83,7 +127,7 @@ impl Tracer {
         })
     }
 
-    /// Traces all rays once; returns the time of the pass and, if asked for, distance and triangle of each ray.
+    /// Traces all rays once; returns the time of the pass and, if requested, distance and triangle of each ray.
     fn trace(&self, reads_hits: bool) -> Result<(Duration, Vec<[u32; 2]>), Failure> {
         let uniforms = TraceRaysUniforms { ray_count: self.count, top_root: self.top_root, padding0: 0, padding1: 0 };
         let mut graph = self.gpu.graph("rays");
@@ -109,21 +153,7 @@ fn trace_on_cpu(geometry: &SceneGeometry, rays: &[Ray]) -> Vec<Option<Hit>> {
         .collect()
 }
 
-/// Corners of the triangle that was hit, in scene space.
-fn corners(geometry: &SceneGeometry, hit: &Hit) -> [Vec3; 3] {
-    let triangle = &geometry.bvh_triangles[hit.bvh_triangle as usize];
-    let rows = geometry.instances[hit.instance as usize].scene_from_object.map(Vec4::from);
-    [triangle.v0, triangle.v1, triangle.v2].map(|corner| {
-        let corner = Vec3::from(corner);
-        if geometry.baked_instance == Some(hit.instance) {
-            corner
-        } else {
-            Vec3::from_array(rows.map(|row| row.dot(corner.extend(1.0))))
-        }
-    })
-}
-
-/// Rays through pixel centres, in tiles of 8 by 8 so that neighbours in the batch are neighbours in the picture.
+/// Rays through pixel centres, in tiles of 8 by 8 so that neighbours in the batch are neighbours in the image.
 fn camera_rays(scene: &Scene) -> Vec<Ray> {
     let camera = scene.cameras[0].camera;
     let (right, up, forward) = camera.frame();
@@ -159,10 +189,8 @@ fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) -> Vec<Ray> {
     let mut found = Vec::new();
     for ([start, direction], hit) in rays.iter().zip(hits) {
         let Some(hit) = hit else { continue };
-        let [v0, v1, v2] = corners(&scene.geometry, hit);
         let (origin, direction) = (start.truncate(), direction.truncate());
-        let normal = (v1 - v0).cross(v2 - v0).normalize_or(-direction);
-        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let normal = facing_normal(&scene.geometry, hit, direction);
         let (radius_squared, angle) = (random(), random() * std::f32::consts::TAU);
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let wi = tangent * (radius_squared.sqrt() * angle.cos())
@@ -173,8 +201,8 @@ fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) -> Vec<Ray> {
     found
 }
 
-/// Both sides must agree, or the race is not the same race. Ties at shared edges may fall either way, and so may a wall that
-/// a ray starts on within rounding: in a corner, the side of the other wall on which the origin lies is chance.
+/// Both sides must find the same hits. Ties at shared edges may differ, and so may hits within rounding of the origin: in a
+/// corner, rounding decides on which side of the other wall a ray starts.
 fn check_agreement(cpu: &[Option<Hit>], gpu: &[[u32; 2]], radius: f32) -> Result<(), Failure> {
     let rounding = 4e-6 * radius;
     let differs = |(cpu, gpu): (&Option<Hit>, &[u32; 2])| {
@@ -196,7 +224,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Runs a race of `count` rays and returns million rays a second, from the median time over its rounds.
+/// Traces `count` rays repeatedly and returns million rays a second, from the median time of a round.
 fn race(count: usize, mut once: impl FnMut() -> Result<Duration, Failure>) -> Result<f64, Failure> {
     let warm_up = Instant::now();
     while warm_up.elapsed() < WARM_UP {
@@ -210,14 +238,15 @@ fn race(count: usize, mut once: impl FnMut() -> Result<Duration, Failure>) -> Re
     Ok(count as f64 / median(seconds) / 1e6)
 }
 
-fn run_scene(gpu: &Gpu, name: &str, scene: &Scene) -> Result<String, Failure> {
+/// Both kinds of rays in a scene.
+fn measure_scene(gpu: &Gpu, origin: &Origin, name: &str, scene: &Scene) -> Result<Vec<Row>, Failure> {
     let camera = camera_rays(scene);
     let camera_hits = trace_on_cpu(&scene.geometry, &camera);
     let cosine = cosine_rays(scene, &camera, &camera_hits);
     if cosine.is_empty() {
         return Err(Failure::runtime(format!("the first camera of {name} sees nothing")));
     }
-    let mut rows = String::new();
+    let mut rows = Vec::new();
     for (kind, rays) in [("camera", camera), ("cosine", cosine)] {
         let tracer = Tracer::new(gpu, scene, &rays)?;
         check_agreement(&trace_on_cpu(&scene.geometry, &rays), &tracer.trace(true)?.1, scene.bounds.radius())?;
@@ -227,32 +256,47 @@ fn run_scene(gpu: &Gpu, name: &str, scene: &Scene) -> Result<String, Failure> {
             std::hint::black_box(trace_on_cpu(&scene.geometry, &rays));
             Ok(start.elapsed())
         })?;
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            rows,
-            "| {name} | {kind} | {} | {on_gpu:.2} | {on_cpu:.2} | {:.2} |",
-            scene.geometry.bvh_triangles.len(),
-            on_gpu / on_cpu
-        );
+        let key = Key { scene: name.to_owned(), kind: kind.to_owned() };
+        let triangles = scene.geometry.bvh_triangles.len();
+        rows.push(Row { key, origin: origin.clone(), triangles, on_gpu, on_cpu });
     }
     Ok(rows)
 }
 
 pub(crate) fn run(args: &RaysArgs) -> Result<(), Failure> {
-    args.table.check(NAME)?;
-    let gpu = open_gpu(&args.device)?;
-    let mut table = format!(
-        "{}\n\n| scene | rays | triangles | GPU, Mrays/s | CPU, Mrays/s | ratio |\n|---|---|---|---|---|---|\n",
-        device_name(&gpu)
-    );
-    for scene in scene_file::load_demos()? {
-        table += &run_scene(&gpu, &scene.name, &scene)?;
-    }
+    let mut record = args.output.record::<Row>(PAGE.name)?;
+    let gpu = args.output.gpu()?;
+    let origin = Origin::of(&gpu);
+    let mut scenes = scene_file::load_demos()?;
     if let Some(shared) = shared_folder(Path::new("..")) {
         for name in SHARED_SCENES {
-            let scene = scene_file::load(&shared.join(format!("scenes/{name}.glb")), None, None)?;
-            table += &run_scene(&gpu, name, &scene)?;
+            scenes.push(Arc::new(scene_file::load(&shared.join(format!("scenes/{name}.glb")), None, None)?));
         }
     }
-    args.table.publish(NAME, &table)
+    let mut rows = Vec::new();
+    for scene in scenes {
+        let keys = ["camera", "cosine"].map(|kind| Key { scene: scene.name.clone(), kind: kind.to_owned() });
+        if keys.iter().any(|key| record.find(key, &origin).is_none()) {
+            for row in measure_scene(&gpu, &origin, &scene.name, &scene)? {
+                record.add(row)?;
+            }
+        }
+        rows.extend(keys.iter().filter_map(|key| record.find(key, &origin)).cloned());
+    }
+    args.output.publish(&PAGE, &[(PAGE.name, markdown(&rows))])
+}
+
+fn markdown(rows: &[Row]) -> String {
+    let mut table = Table::new(["scene", "rays", "triangles", "GPU, Mrays/s", "CPU, Mrays/s", "ratio"]);
+    for Row { key, triangles, on_gpu, on_cpu, .. } in rows {
+        table.push([
+            key.scene.clone(),
+            key.kind.clone(),
+            triangles.to_string(),
+            format!("{on_gpu:.2}"),
+            format!("{on_cpu:.2}"),
+            format!("{:.2}", on_gpu / on_cpu),
+        ]);
+    }
+    describe(rows.iter().map(|row| &row.origin), &[]) + &table.markdown()
 }

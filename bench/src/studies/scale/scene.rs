@@ -1,22 +1,21 @@
-//! A room with clutter, at any number of triangles: the same shapes every time, only finer, so that light and picture stay
-//! the same while the geometry grows.
+//! A room with clutter, at any number of triangles: always the same shapes, only finer, so that light and image stay the
+//! same while the geometry grows.
 
 use std::f32::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3};
 use serde_json::json;
+use surfelcast::Failure;
 use surfelcast_scene::glb::GlbBuilder;
 use surfelcast_scene::{Camera, LoadOptions, Scene, load_bytes};
-
-use surfelcast::Failure;
 
 /// Half the room's width and depth, and its height, metres.
 const HALF: f32 = 3.0;
 const HEIGHT: f32 = 3.0;
-/// Boulders on the floor, and the share of the triangles that they get.
+/// Boulders on the floor, and their share of the triangles.
 const BOULDERS: usize = 24;
 const BOULDER_SHARE: f64 = 0.75;
-/// Angle between neighbours on a spiral, radians: no two stand in a line.
+/// Angle between neighbours on a spiral, radians: no two are in line.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 #[derive(Default)]
@@ -26,7 +25,7 @@ struct Mesh {
 }
 
 impl Mesh {
-    /// A grid of `columns` x `rows` cells whose corners `place` puts; faces to where the first turns into the second.
+    /// A grid of `columns` x `rows` cells with corners at `place(s, t)`; normals are along ds x dt.
     fn add_grid(&mut self, columns: u32, rows: u32, place: impl Fn(f32, f32) -> Vec3) {
         let base = self.positions.len() as u32;
         for row in 0..=rows {
@@ -44,14 +43,14 @@ impl Mesh {
     }
 }
 
-/// Smooth and of no period that a grid could meet.
+/// A smooth function without a period that a grid could match.
 fn waves(p: Vec3) -> f32 {
     let wave = |x: f32, y: f32, z: f32, phase: f32| (p.x * x + p.y * y + p.z * z + phase).sin();
     wave(2.1, 1.3, 0.7, 0.0) * 0.5 + wave(-3.7, 4.1, 2.9, 1.0) * 0.3 + wave(7.3, -5.9, 8.3, 2.0) * 0.2
 }
 
 fn room(triangles: f64) -> Mesh {
-    // Six sides of as many cells, two triangles each.
+    // Six sides with cells² cells each, two triangles a cell.
     let cells = ((triangles / 12.0).sqrt().round() as u32).max(1);
     let mut mesh = Mesh::default();
     let (low, high) = (Vec3::new(-HALF, 0.0, -HALF), Vec3::new(HALF, HEIGHT, HALF));
@@ -88,7 +87,7 @@ fn boulder(number: usize, triangles: f64) -> Mesh {
     mesh
 }
 
-/// The room with about so many triangles.
+/// The room with about that number of triangles.
 pub(super) fn tessellated_room(triangles: u32) -> Result<Scene, Failure> {
     let mut glb = GlbBuilder::new();
     let mut material = |color: [f32; 3], emission: f32| {
@@ -123,7 +122,7 @@ pub(super) fn tessellated_room(triangles: u32) -> Result<Scene, Failure> {
     Ok(load_bytes(&glb.finish(), "tessellated_room", &LoadOptions::default())?)
 }
 
-/// A camera by the wall at an angle about the room's middle, radians, that looks across the room.
+/// A camera near the wall at an angle about the room's centre, radians, that looks across the room.
 pub(super) fn camera_at(angle: f64) -> Camera {
     let (sin, cos) = angle.sin_cos();
     Camera {
@@ -134,7 +133,7 @@ pub(super) fn camera_at(angle: f64) -> Camera {
     }
 }
 
-/// Cameras each of which stands elsewhere.
+/// One of a series of cameras, each at another place.
 pub(super) fn camera(number: u32) -> Camera {
     camera_at(f64::from(number) * GOLDEN_ANGLE)
 }
@@ -144,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_room_has_the_triangles_asked_for_and_is_closed() {
+    fn the_room_has_the_requested_triangles_and_is_closed() {
         for wanted in [10_000, 100_000] {
             let scene = tessellated_room(wanted).unwrap();
             let count = f64::from(scene.summary.triangle_count);

@@ -1,39 +1,39 @@
 //! What a second camera adds on a session that has converged.
 //!
-//! Two questions. What does it cost while it looks at ground that others have lit? It stands between two cameras that the
-//! session has served before, and its first frames are compared with those of the first camera of all, which found the
-//! session empty. And what do both cost once they have converged? That is asked of the render actor, since it is the actor
-//! that lets converged views rest.
+//! Two questions. What does it cost on surfaces whose surfels others have converged? It stands between two cameras that the
+//! session has served before, and its first frames are compared with those of the very first camera, which started with an
+//! empty session. And what do both cost once they have converged? The render actor answers that, since it schedules no work
+//! for converged views.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 
+use surfelcast::Failure;
+use surfelcast::device::wait_until_ready;
 use surfelcast_renderer::{FrameKind, FrameSlot, RendererConfig, RendererHandle, SessionKey, ViewState};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::{SessionState, SurfelSettings};
 
+use crate::report::Table;
 use crate::stage::{Shot, Stage};
+use crate::studies::scale::measure::{SEED, SURFEL};
 use crate::studies::scale::scene::{camera_at, tessellated_room};
-use crate::studies::scale::{SEED, SURFEL};
-use surfelcast::Failure;
-use surfelcast::device::wait_until_ready;
 
-/// Where the cameras stand, radians about the room: the first, the one that comes last, and the second between both.
+/// Places of the cameras, radians about the room: the first, the last, and the second between both.
 const FIRST: f64 = 0.0;
 const BETWEEN: f64 = 0.12;
 const LAST: f64 = 0.24;
-/// Standard error of surfels at which they are done, tone-mapped: loose, so that the session converges soon.
+/// Standard error at which surfels have converged, tone-mapped: loose, so that the session converges soon.
 const TARGET: f32 = 0.02;
-/// A session has converged when its rays a frame have fallen to this share of those of its first frames ...
+/// A session has converged when its rays per frame have fallen to this share of those of its first frames ...
 const CONVERGED_SHARE: f64 = 0.01;
-/// ... or after so many frames.
+/// ... or after this number of frames.
 const MOST_FRAMES: u32 = 512;
-/// Samples of the actor's views, and how long they are watched at rest.
+/// Samples of the actor's views, the pause after they have converged, and how long they are observed at rest.
 const VIEW_SAMPLES: u32 = 16;
-const SETTLING: Duration = Duration::from_millis(500);
-const WATCHED: Duration = Duration::from_secs(2);
+const PAUSE: Duration = Duration::from_millis(500);
+const OBSERVED: Duration = Duration::from_secs(2);
 
 /// GPU milliseconds and rays of the cache over some frames, by frame.
 fn first_frames(shot: &mut Shot<'_>, frames: u32) -> Result<[f64; 2], Failure> {
@@ -41,7 +41,7 @@ fn first_frames(shot: &mut Shot<'_>, frames: u32) -> Result<[f64; 2], Failure> {
     Ok([shot.cost.gpu_secs * 1e3, shot.cost.rays[1] as f64].map(|sum| sum / f64::from(frames)))
 }
 
-/// Renders on until the cache asks for few rays; returns how many frames that took.
+/// Continues until the cache requests few rays; returns the number of frames that took.
 fn converge(shot: &mut Shot<'_>, frames: u32, rays_at_first: f64) -> Result<u32, Failure> {
     let mut samples = frames;
     while samples < MOST_FRAMES {
@@ -81,30 +81,28 @@ pub(super) fn measure(stage: &Stage<'_>, frames: u32) -> Result<BTreeMap<String,
 
 pub(super) fn markdown(values: &BTreeMap<String, f64>, frames: u32) -> String {
     let value = |name: &str| values.get(name).copied().unwrap_or(0.0);
-    let mut text = format!(
-        "\nA second camera on ground that others have lit takes {:.0} % of the GPU time of the first one, which found the session \
-         empty, over the first {frames} frames of each; below 35 % is asked. The session had converged before (after {:.0} frames; \
-         surfels are done at a standard error of {TARGET} here). In {} s after both views of a session had converged, the \
-         renderer traced {:.0} rays; none is asked.\n\n\
-         | camera | GPU ms a frame | rays of the cache a frame |\n|---|---|---|\n",
+    let mut table = Table::new(["camera", "GPU ms a frame", "rays of the cache a frame"]);
+    for which in ["first", "second"] {
+        table.push([
+            which.to_owned(),
+            format!("{:.1}", value(&format!("{which}_gpu_ms"))),
+            format!("{:.0}", value(&format!("{which}_cache_rays"))),
+        ]);
+    }
+    format!(
+        "\nA second camera on surfaces whose surfels have converged takes {:.0} % of the GPU time of the first one, which \
+         started with an empty session, over the first {frames} frames of each; below 35 % is required. The session had \
+         converged before (after {:.0} frames; surfels have converged at a standard error of {TARGET} here). In {} s after \
+         both views of a session had converged, the renderer traced {:.0} rays; 0 is required.\n\n{}",
         100.0 * value("share"),
         value("frames_to_converge"),
-        WATCHED.as_secs(),
+        OBSERVED.as_secs(),
         value("rays_once_converged"),
-    );
-    for which in ["first", "second"] {
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            text,
-            "| {which} | {:.1} | {:.0} |",
-            value(&format!("{which}_gpu_ms")),
-            value(&format!("{which}_cache_rays"))
-        );
-    }
-    text
+        table.markdown()
+    )
 }
 
-/// Rays that the actor traces while two converged views of a session are watched.
+/// Rays that the actor traces while two converged views of a session are observed.
 fn rays_at_rest(stage: &Stage<'_>) -> Result<u64, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -117,7 +115,7 @@ fn rays_at_rest(stage: &Stage<'_>) -> Result<u64, Failure> {
     let scene = Arc::new(tessellated_room(stage.scene.summary.triangle_count)?);
     let outcome = runtime.block_on(async {
         wait_until_ready(&renderer).await?;
-        let rays = watch(&renderer, scene, stage.size).await;
+        let rays = observe(&renderer, scene, stage.size).await;
         renderer.stop().await;
         rays
     });
@@ -127,18 +125,18 @@ fn rays_at_rest(stage: &Stage<'_>) -> Result<u64, Failure> {
     outcome
 }
 
-async fn watch(renderer: &RendererHandle, scene: Arc<Scene>, size: [u32; 2]) -> Result<u64, Failure> {
+async fn observe(renderer: &RendererHandle, scene: Arc<Scene>, size: [u32; 2]) -> Result<u64, Failure> {
     let session = renderer.open_session(scene).await?;
     let mut slots = Vec::new();
     for angle in [FIRST, BETWEEN] {
         slots.push(converged_view(renderer, session, camera_at(angle), size).await?);
     }
     // The last step is counted a moment after its frame has arrived.
-    tokio::time::sleep(SETTLING).await;
+    tokio::time::sleep(PAUSE).await;
     let before = renderer.status().borrow().ray_count;
     slots.iter().for_each(FrameSlot::want);
     renderer.wake();
-    tokio::time::sleep(WATCHED).await;
+    tokio::time::sleep(OBSERVED).await;
     let after = renderer.status().borrow().ray_count;
     Ok(after - before)
 }

@@ -1,16 +1,12 @@
-//! What was measured, as JSON that a later run goes on from, and as CSV.
-
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+//! Error over cost of one way to render one image.
 
 use serde::{Deserialize, Serialize};
 use surfelcast_measure::fit::{Reached, cost_to_error};
 
-use crate::report::{read_record, write_record};
-use crate::studies::error::variant::{Start, Variant};
-use surfelcast::Failure;
+use crate::report::{Measured, Origin, Table};
+use crate::studies::curves::variant::{Start, Variant};
 
-/// What a curve is of: equal keys need not be measured twice.
+/// What a curve is of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Key {
     /// `<scene>_<camera>_<mode>`.
@@ -22,18 +18,16 @@ pub(crate) struct Key {
     pub(crate) truth: String,
     pub(crate) replicates: u32,
     pub(crate) seed: u64,
-    /// Samples a pixel at which a replicate ends, and milliseconds of rendering.
+    /// Samples per pixel at which a replicate ends, and milliseconds of rendering.
     pub(crate) samples: u32,
     pub(crate) time_limit_ms: u64,
-    /// Adapter and version of the program.
-    pub(crate) device: String,
-    pub(crate) version: String,
 }
 
-/// Error over cost of one way to render one picture.
+/// Error over cost of one way to render one image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Curve {
     pub(crate) key: Key,
+    pub(crate) origin: Origin,
     /// Tone-mapped RMSE left in the truth.
     pub(crate) truth_noise: f64,
     /// Device bytes while it ran: scene, session, view.
@@ -42,25 +36,25 @@ pub(crate) struct Curve {
     pub(crate) points: Vec<Point>,
 }
 
-/// One budget. Means over replicates, squares for errors; `None` where it cannot be told.
+/// One budget. Means over replicates, of squares for errors; `None` where it is unknown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Point {
     pub(crate) samples: u32,
     /// Wall time of rendering.
     pub(crate) secs: f64,
     pub(crate) secs_std_error: Option<f64>,
-    /// Time of passes as the device counts it.
+    /// Time of passes as measured on the device.
     pub(crate) gpu_secs: f64,
-    /// What of it is reconstruction on the graph of surfels.
+    /// Its share of reconstruction over the neighbours of surfels.
     #[serde(default)]
     pub(crate) reconstruction_gpu_secs: f64,
     pub(crate) rays_primary: f64,
     pub(crate) rays_secondary: f64,
     pub(crate) rays_shadow: f64,
-    /// Tone-mapped, the truth's noise included.
+    /// Tone-mapped, including the noise of the truth.
     pub(crate) rmse: f64,
     pub(crate) rmse_std_error: Option<f64>,
-    /// The same without the truth's noise.
+    /// The same without the noise of the truth.
     pub(crate) error: f64,
     pub(crate) relative_mse: f64,
     pub(crate) flip: f64,
@@ -68,9 +62,9 @@ pub(crate) struct Point {
     pub(crate) bias_squared_std_error: Option<f64>,
     pub(crate) variance: Option<f64>,
     pub(crate) variance_std_error: Option<f64>,
-    /// Mean of the picture over that of the truth, minus one.
+    /// Mean of the image over that of the truth, minus one.
     pub(crate) mean_bias: f64,
-    /// The renderer's own word on its error.
+    /// The renderer's own estimate of its error.
     pub(crate) audited_rmse: Option<f64>,
     pub(crate) audited_std_error: Option<f64>,
     pub(crate) surfels: Option<f64>,
@@ -105,100 +99,131 @@ impl Curve {
     }
 }
 
-/// The curves of an output folder.
-pub(crate) struct Record {
-    path: PathBuf,
-    pub(crate) curves: Vec<Curve>,
+/// Columns of a curve's own values and of its points.
+const COLUMNS: [&str; 39] = [
+    "case",
+    "width",
+    "height",
+    "technique",
+    "reconstruction",
+    "preset",
+    "settings",
+    "start",
+    "truth",
+    "truth_noise",
+    "replicates",
+    "seed",
+    "commit",
+    "device",
+    "scene_bytes",
+    "session_bytes",
+    "view_bytes",
+    "samples",
+    "non_finite",
+    "secs",
+    "secs_std_error",
+    "gpu_secs",
+    "reconstruction_gpu_secs",
+    "rays_primary",
+    "rays_secondary",
+    "rays_shadow",
+    "rmse",
+    "rmse_std_error",
+    "error",
+    "relative_mse",
+    "flip",
+    "bias_squared",
+    "bias_squared_std_error",
+    "variance",
+    "variance_std_error",
+    "mean_bias",
+    "audited_rmse",
+    "audited_std_error",
+    "surfels",
+];
+
+impl Measured for Curve {
+    type Key = Key;
+
+    fn key(&self) -> &Key {
+        &self.key
+    }
+
+    fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    /// One row a point.
+    fn table(curves: &[Self]) -> Table {
+        let mut table = Table::new(COLUMNS);
+        for curve in curves {
+            for point in &curve.points {
+                table.push(curve.cells().into_iter().chain(point.cells()));
+            }
+        }
+        table
+    }
 }
 
-impl Record {
-    /// Reads what an earlier run left; an empty record where there is none.
-    pub(crate) fn open(path: &Path) -> Result<Self, Failure> {
-        let curves = read_record(path)?;
-        Ok(Self { path: path.to_owned(), curves })
-    }
-
-    pub(crate) fn find(&self, key: &Key) -> Option<&Curve> {
-        self.curves.iter().find(|curve| curve.key == *key)
-    }
-
-    /// Adds a curve and writes everything down.
-    pub(crate) fn add(&mut self, curve: Curve) -> Result<(), Failure> {
-        self.curves.push(curve);
-        write_record(&self.path, &self.curves, &csv(&self.curves))
-    }
-}
-
-const COLUMNS: &str = "case,width,height,technique,reconstruction,preset,knobs,start,truth,truth_noise,replicates,seed,device,\
-version,samples,secs,secs_std_error,gpu_secs,reconstruction_gpu_secs,rays_primary,rays_secondary,rays_shadow,rmse,rmse_std_error,error,relative_mse,\
-flip,bias_squared,bias_squared_std_error,variance,variance_std_error,mean_bias,audited_rmse,audited_std_error,surfels,\
-non_finite,scene_bytes,session_bytes,view_bytes";
-
-/// One row a point.
-pub(crate) fn csv(curves: &[Curve]) -> String {
-    let mut text = format!("{COLUMNS}\n");
-    let number = |value: Option<f64>| value.map(|value| format!("{value:.6e}")).unwrap_or_default();
-    for Curve { key, truth_noise, memory_bytes: [scene, session, view], points } in curves {
+impl Curve {
+    fn cells(&self) -> Vec<String> {
+        let Self { key, origin, truth_noise, memory_bytes, .. } = self;
         let variant = &key.variant;
-        let start = if variant.start == Start::Warm { "warm" } else { "empty" };
-        let head = [
+        let mut cells = vec![
             key.case.clone(),
             key.size[0].to_string(),
             key.size[1].to_string(),
             variant.technique.clone(),
             variant.reconstruction.clone().unwrap_or_default(),
             variant.preset.clone().unwrap_or_default(),
-            variant.knobs.join(" "),
-            start.to_owned(),
+            variant.settings.join(" "),
+            if variant.start == Start::Warm { "warm" } else { "empty" }.to_owned(),
             key.truth.clone(),
             truth_noise.to_string(),
             key.replicates.to_string(),
             key.seed.to_string(),
-            key.device.clone(),
-            key.version.clone(),
-        ]
-        .map(|field| quoted(&field))
-        .join(",");
-        for p in points {
-            let values = [
-                Some(p.secs),
-                p.secs_std_error,
-                Some(p.gpu_secs),
-                Some(p.reconstruction_gpu_secs),
-                Some(p.rays_primary),
-                Some(p.rays_secondary),
-                Some(p.rays_shadow),
-                Some(p.rmse),
-                p.rmse_std_error,
-                Some(p.error),
-                Some(p.relative_mse),
-                Some(p.flip),
-                p.bias_squared,
-                p.bias_squared_std_error,
-                p.variance,
-                p.variance_std_error,
-                Some(p.mean_bias),
-                p.audited_rmse,
-                p.audited_std_error,
-                p.surfels,
-            ]
-            .map(number)
-            .join(",");
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{head},{},{values},{},{scene},{session},{view}", p.samples, p.non_finite);
-        }
+            origin.commit.clone(),
+            origin.device.clone(),
+        ];
+        cells.extend(memory_bytes.map(|bytes| bytes.to_string()));
+        cells
     }
-    text
 }
 
-/// A field of a CSV file (RFC 4180).
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
+impl Point {
+    fn cells(&self) -> Vec<String> {
+        let numbers = [
+            Some(self.secs),
+            self.secs_std_error,
+            Some(self.gpu_secs),
+            Some(self.reconstruction_gpu_secs),
+            Some(self.rays_primary),
+            Some(self.rays_secondary),
+            Some(self.rays_shadow),
+            Some(self.rmse),
+            self.rmse_std_error,
+            Some(self.error),
+            Some(self.relative_mse),
+            Some(self.flip),
+            self.bias_squared,
+            self.bias_squared_std_error,
+            self.variance,
+            self.variance_std_error,
+            Some(self.mean_bias),
+            self.audited_rmse,
+            self.audited_std_error,
+            self.surfels,
+        ]
+        .map(|value| value.map(|value| format!("{value:.6e}")).unwrap_or_default());
+        [self.samples.to_string(), self.non_finite.to_string()].into_iter().chain(numbers).collect()
+    }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::report::Record;
+    use surfelcast::Failure;
 
     /// A curve of a technique with error 0.1 / sqrt(samples) at `secs` a sample.
     pub(crate) fn curve(case: &str, technique: &str, secs: f64) -> Curve {
@@ -214,7 +239,7 @@ pub(crate) mod tests {
             technique: technique.to_owned(),
             reconstruction: None,
             preset: None,
-            knobs: Vec::new(),
+            settings: Vec::new(),
             start: Start::Empty,
         };
         let key = Key {
@@ -227,34 +252,37 @@ pub(crate) mod tests {
             seed: 1,
             samples: 64,
             time_limit_ms: 10_000,
-            device: "a device".to_owned(),
-            version: "0".to_owned(),
         };
-        Curve { key, truth_noise: 0.0, memory_bytes: [1, 2, 3], points: [1, 4, 16, 64].map(point).to_vec() }
+        let origin = Origin { commit: "c77d3d0 of 2026-11-27".to_owned(), device: "a device".to_owned() };
+        Curve { key, origin, truth_noise: 0.0, memory_bytes: [1, 2, 3], points: [1, 4, 16, 64].map(point).to_vec() }
     }
 
     #[test]
     fn a_record_is_found_again_and_fits_its_columns() {
-        let folder = std::env::temp_dir().join(format!("surfelcast-record-{}", std::process::id()));
-        let path = folder.join("error.json");
-        let mut record = Record::open(&path).unwrap();
-        assert!(record.curves.is_empty());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deeper/error.json");
+        let mut record = Record::open(&path, false).unwrap();
         let curve = curve("scene_main_lambert", "path", 0.5);
+        assert!(record.find(&curve.key, &curve.origin).is_none());
         record.add(curve.clone()).unwrap();
-        let again = Record::open(&path).unwrap();
-        assert_eq!(again.find(&curve.key), Some(&curve));
+        let again = Record::open(&path, false).unwrap();
+        assert_eq!(again.find(&curve.key, &curve.origin), Some(&curve));
         let other = Key { replicates: 3, ..curve.key.clone() };
-        assert_eq!(again.find(&other), None);
+        assert_eq!(again.find(&other, &curve.origin), None);
+
+        // A number of another commit is not taken for one of this, unless that is requested.
+        let newer = Origin { commit: "d88e4e1 of 2026-11-28".to_owned(), ..curve.origin.clone() };
+        assert_eq!(again.find(&curve.key, &newer), None);
+        assert_eq!(Record::open(&path, true).unwrap().find(&curve.key, &newer), Some(&curve));
+
         let text = std::fs::read_to_string(path.with_extension("csv")).unwrap();
-        let columns = COLUMNS.split(',').count();
+        assert_eq!(text.lines().count(), 5);
         for line in text.lines().skip(1) {
             // The one field with a comma is quoted.
-            assert_eq!(line.split(',').count(), columns + 1, "{line}");
+            assert_eq!(line.split(',').count(), COLUMNS.len() + 1, "{line}");
         }
-        assert_eq!(text.lines().count(), 5);
         std::fs::write(&path, "[1]").unwrap();
-        assert!(matches!(Record::open(&path), Err(Failure::Input(_))));
-        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(matches!(Record::<Curve>::open(&path, false), Err(Failure::Input(_))));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Ways to render that are compared: technique, reconstruction, preset, knobs, and what the cache knows beforehand.
+//! Ways to render that are compared: technique, reconstruction, preset, settings, and what the cache holds beforehand.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -10,13 +10,13 @@ use surfelcast::Failure;
 /// Preset that is used where none is named.
 pub(crate) const DEFAULT_PRESET: &str = "balanced";
 
-/// What the surfel cache knows when the clock starts.
+/// What the surfel cache holds when the clock starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Start {
     /// Nothing.
     Empty,
-    /// What another camera of the session left behind, which looked at the same ground from aside.
+    /// What another camera of the session left behind, which saw the same surfaces from a neighbouring place.
     Warm,
 }
 
@@ -24,56 +24,68 @@ pub(crate) enum Start {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Variant {
     pub(crate) technique: String,
-    /// The preset's own where none is named.
+    /// The preset's own if none is named.
     pub(crate) reconstruction: Option<String>,
     /// Of techniques that use the surfel cache.
     pub(crate) preset: Option<String>,
     /// As NAME=VALUE.
-    pub(crate) knobs: Vec<String>,
+    pub(crate) settings: Vec<String>,
     pub(crate) start: Start,
 }
 
-/// What variants are made of; every combination is one. Lists that are empty stand for all there is, or for the default.
+/// What variants are made of; every combination is one. An empty list stands for all choices, or for the default.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct VariantLists {
     pub(crate) techniques: Vec<String>,
     pub(crate) reconstructions: Vec<String>,
     pub(crate) presets: Vec<String>,
     /// As NAME=VALUE,VALUE,...: each name once, every combination of values.
-    pub(crate) knobs: Vec<String>,
+    pub(crate) settings: Vec<String>,
     pub(crate) starts: Vec<Start>,
 }
 
+/// What was requested, or the default if nothing was.
+pub(crate) fn or_default(requested: &[String], default: &[&str]) -> Vec<String> {
+    match requested {
+        [] => default.iter().map(|&word| word.to_owned()).collect(),
+        named => named.to_vec(),
+    }
+}
+
 impl VariantLists {
+    /// The same with the default reconstruction alone, unless others were requested: for questions about something else.
+    pub(crate) fn with_one_reconstruction(&self) -> Self {
+        let default = SurfelSettings::default().reconstruction.name();
+        Self { reconstructions: or_default(&self.reconstructions, &[default]), ..self.clone() }
+    }
+
     /// Every combination that makes sense, in the order of the lists.
     pub(crate) fn all(&self) -> Result<Vec<Variant>, Failure> {
-        let is_asked = |entry: &&TechniqueEntry| {
+        let is_requested = |entry: &&TechniqueEntry| {
             self.techniques.is_empty() || self.techniques.iter().any(|technique| technique == entry.id)
         };
-        let or = |asked: &[String], default: &[&str]| match asked {
-            [] => default.iter().map(|&word| word.to_owned()).collect(),
-            named => named.to_vec(),
-        };
-        let reconstructions = or(&self.reconstructions, &Reconstruction::names());
-        let presets = or(&self.presets, &[DEFAULT_PRESET]);
+        let reconstructions = or_default(&self.reconstructions, &Reconstruction::names());
+        let presets = or_default(&self.presets, &[DEFAULT_PRESET]);
         let starts = if self.starts.is_empty() { vec![Start::Empty] } else { self.starts.clone() };
         let mut variants = vec![];
-        for entry in TECHNIQUES.iter().filter(is_asked) {
+        for entry in TECHNIQUES.iter().filter(is_requested) {
             let mut made = vec![Variant {
                 technique: entry.id.to_owned(),
                 reconstruction: None,
                 preset: None,
-                knobs: Vec::new(),
+                settings: Vec::new(),
                 start: Start::Empty,
             }];
             if entry.uses_surfels {
                 made = each(&made, &reconstructions, |of, name| of.reconstruction = Some(name.clone()));
                 made = each(&made, &presets, |of, name| of.preset = Some(name.clone()));
-                made = each(&made, &knob_combinations(&self.knobs)?, |of, knobs| of.knobs.clone_from(knobs));
+                made = each(&made, &setting_combinations(&self.settings)?, |of, settings| {
+                    of.settings.clone_from(settings);
+                });
                 made = each(&made, &starts, |of, start| of.start = *start);
             }
             for variant in &made {
-                variant.settings()?;
+                variant.surfel_settings()?;
             }
             variants.extend(made);
         }
@@ -95,7 +107,7 @@ fn each<T>(variants: &[Variant], choices: &[T], choose: impl Fn(&mut Variant, &T
         .collect()
 }
 
-fn knob_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
+fn setting_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
     let mut combinations = vec![Vec::new()];
     for list in lists {
         let (name, values) = list
@@ -103,8 +115,8 @@ fn knob_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
             .ok_or_else(|| Failure::input(format!("--surfel {list}: expected NAME=VALUE[,VALUE...]")))?;
         combinations = combinations
             .iter()
-            .flat_map(|knobs| {
-                values.split(',').map(move |value| [knobs.clone(), vec![format!("{name}={value}")]].concat())
+            .flat_map(|settings| {
+                values.split(',').map(move |value| [settings.clone(), vec![format!("{name}={value}")]].concat())
             })
             .collect();
     }
@@ -112,8 +124,8 @@ fn knob_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
 }
 
 impl Variant {
-    /// Settings of the surfel cache. Fails on a name or value that is not known.
-    pub(crate) fn settings(&self) -> Result<SurfelSettings, Failure> {
+    /// Settings of the surfel cache. Fails on an unknown name or value.
+    pub(crate) fn surfel_settings(&self) -> Result<SurfelSettings, Failure> {
         let preset = self.preset.as_deref().unwrap_or(DEFAULT_PRESET);
         let mut settings = SurfelSettings::by_name(preset)
             .ok_or_else(|| Failure::input(format!("--preset {preset}: there is no such preset")))?;
@@ -123,18 +135,18 @@ impl Variant {
                 Failure::input(format!("--reconstruction {name}: must be one of {known}"))
             })?;
         }
-        for knob in &self.knobs {
-            settings.turn(knob).map_err(|reason| Failure::input(format!("--surfel {knob}: {reason}")))?;
+        for setting in &self.settings {
+            settings.turn(setting).map_err(|reason| Failure::input(format!("--surfel {setting}: {reason}")))?;
         }
         Ok(settings)
     }
 
-    /// Short name, what is usual left out.
+    /// Short name, without defaults.
     pub(crate) fn label(&self) -> String {
         let mut words = vec![self.technique.clone()];
         words.extend(self.reconstruction.clone());
         words.extend(self.preset.clone().filter(|preset| preset != DEFAULT_PRESET));
-        words.extend(self.knobs.iter().cloned());
+        words.extend(self.settings.iter().cloned());
         if self.start == Start::Warm {
             words.push("(warm)".to_owned());
         }
@@ -151,7 +163,7 @@ mod tests {
         let lists = VariantLists {
             techniques: vec!["surfel".to_owned(), "path".to_owned()],
             presets: vec!["preview".to_owned(), "high".to_owned()],
-            knobs: vec!["radius=2,3".to_owned(), "capacity=65536".to_owned()],
+            settings: vec!["radius=2,3".to_owned(), "capacity=65536".to_owned()],
             starts: vec![Start::Empty, Start::Warm],
             ..VariantLists::default()
         };
@@ -163,17 +175,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_refused() {
-        let with = |knob: &str, reconstruction: &str| VariantLists {
+    fn unknown_names_and_values_are_refused() {
+        let with = |setting: &str, reconstruction: &str| VariantLists {
             techniques: vec!["surfel".to_owned()],
             reconstructions: if reconstruction.is_empty() { Vec::new() } else { vec![reconstruction.to_owned()] },
-            knobs: vec![knob.to_owned()],
+            settings: vec![setting.to_owned()],
             ..VariantLists::default()
         };
         assert!(with("radius=3", "").all().is_ok());
-        for (knob, reconstruction) in [("radius", ""), ("radius=1000", ""), ("size=3", ""), ("radius=3", "magic")] {
-            let refused = with(knob, reconstruction).all();
-            assert!(matches!(refused, Err(Failure::Input(_))), "{knob} {reconstruction}: {refused:?}");
+        for (setting, reconstruction) in [("radius", ""), ("radius=1000", ""), ("size=3", ""), ("radius=3", "magic")] {
+            let refused = with(setting, reconstruction).all();
+            assert!(matches!(refused, Err(Failure::Input(_))), "{setting} {reconstruction}: {refused:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The benchmark as a person runs it.
+//! The laboratory as a user runs it.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs;
@@ -7,12 +7,12 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// Runs `surfelcast-bench error` on tiny pictures.
+/// Runs `surfelcast-bench error` on tiny images.
 fn bench_error(out: &Path, more: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_surfelcast-bench"));
     command.args(["error", "--scene", "demo:cornell_box", "--size", "24x18", "--truth-spp", "256"]);
     command.args(["--technique", "path", "--technique", "surfel", "--samples", "4", "--replicates", "2"]);
-    // No limit of time may decide how far a draw goes here.
+    // No time limit may decide how far a replicate goes here.
     command.args(["--time-limit", "3600", "--out"]).arg(out).args(more);
     command.output().unwrap()
 }
@@ -21,7 +21,7 @@ fn curves(out: &Path) -> Vec<Value> {
     serde_json::from_slice(&fs::read(out.join("error.json")).unwrap()).unwrap()
 }
 
-/// Errors by curve and budget, which do not depend on how busy the machine is.
+/// Errors by curve and budget, which do not depend on the load of the machine.
 fn errors(out: &Path) -> Vec<Vec<Value>> {
     let points = |curve: &Value| curve["points"].as_array().unwrap().iter().map(|p| p["rmse"].clone()).collect();
     curves(out).iter().map(points).collect()
@@ -31,15 +31,18 @@ fn errors(out: &Path) -> Vec<Vec<Value>> {
 fn error_falls_is_written_down_and_is_not_measured_twice() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("first");
-    let document = folder.path().join("table.md");
-    fs::write(&document, "before\n<!-- error: begin -->\n<!-- error: end -->\nafter\n").unwrap();
+    let docs = folder.path().join("docs");
 
-    let output = bench_error(&out, &["--table", document.to_str().unwrap()]);
+    let output = bench_error(&out, &["--docs", docs.to_str().unwrap()]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     // Quiet in a pipe.
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
-    let table = fs::read_to_string(&document).unwrap();
-    assert!(table.starts_with("before") && table.ends_with("after\n") && table.contains("| path |"), "{table}");
+    let page = fs::read_to_string(docs.join("error.md")).unwrap();
+    assert!(page.starts_with("# Error against cost") && page.contains("| path |"), "{page}");
+    // Stated are commit, device and command, without folders of this machine.
+    assert!(page.contains("Measured at ") && page.contains("`surfelcast-bench error --scene"), "{page}");
+    assert!(!page.contains(folder.path().to_str().unwrap()), "{page}");
+    assert!(docs.join("error-pareto.svg").is_file(), "the page shows it");
     for file in ["error.csv", "error-pareto.svg", "error-cornell_box_front_lambert-seconds.svg"] {
         assert!(out.join(file).is_file(), "{file}");
     }
@@ -69,34 +72,29 @@ fn error_falls_is_written_down_and_is_not_measured_twice() {
     assert_ne!(errors(&other), errors(&out));
 }
 
-/// Most devices cannot bind the largest cache; whether this one can or not, the table says so.
+/// Most devices cannot bind the largest cache; whether this one can or not, the page says so.
 #[test]
 fn a_cache_too_large_for_the_device_does_not_end_a_study() {
     let folder = tempfile::tempdir().unwrap();
-    let document = folder.path().join("table.md");
-    fs::write(&document, "<!-- densities: begin -->\n<!-- densities: end -->\n").unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_surfelcast-bench"));
-    command.args(["error", "--study", "densities", "--scene", "demo:cornell_box", "--size", "16x12"]);
+    command.args(["densities", "--scene", "demo:cornell_box", "--size", "16x12"]);
     command.args(["--surfel", "capacity=4194304,65536", "--surfel", "radius=6"]);
     command.args(["--samples", "1", "--replicates", "1", "--truth-spp", "16"]);
-    command.arg("--table").arg(&document).arg("--out").arg(folder.path());
+    command.arg("--docs").arg(folder.path()).arg("--out").arg(folder.path());
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let table = fs::read_to_string(&document).unwrap();
-    let says_largest = table.contains("capacity=4194304") || table.contains("2^22 surfels");
-    assert!(says_largest && table.contains("2^16 surfels") && table.contains("| 6 |"), "{table}");
+    let page = fs::read_to_string(folder.path().join("densities.md")).unwrap();
+    let says_largest = page.contains("capacity=4194304") || page.contains("2^22 surfels");
+    assert!(says_largest && page.contains("2^16 surfels") && page.contains("| 6 |"), "{page}");
 }
 
 #[test]
 fn bad_requests_end_with_two_before_anything_is_rendered() {
     let folder = tempfile::tempdir().unwrap();
-    let document = folder.path().join("table.md");
-    fs::write(&document, "no place for a table").unwrap();
     for (bad, names) in [
         (["--surfel", "radius=99"], "--surfel radius=99"),
         (["--reconstruction", "magic"], "--reconstruction magic"),
-        (["--peers", "nowhere.csv"], "nowhere.csv"),
-        (["--table", document.to_str().unwrap()], "error: begin"),
+        (["--reference", "nowhere.exr"], "nowhere.exr"),
     ] {
         let output = bench_error(folder.path(), &bad);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -104,4 +102,8 @@ fn bad_requests_end_with_two_before_anything_is_rendered() {
         assert!(message.contains(names), "{message}");
         assert!(!folder.path().join("error.json").exists());
     }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surfelcast-bench"));
+    let output = command.args(["peers", "--peers", "nowhere.csv", "--out"]).arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && message.contains("nowhere.csv"), "{message}");
 }

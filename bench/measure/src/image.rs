@@ -1,4 +1,4 @@
-//! Linear RGB pictures and the error metrics over them.
+//! Linear RGB images and the error metrics over them.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use crate::MeasureError;
 
 /// Linear radiance, first row on top.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct Image {
     /// Width and height.
     pub size: [usize; 2],
     /// Row by row.
@@ -23,14 +23,14 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The pixels that hold any of these once the picture is [averaged down](Picture::averaged_down).
+    /// The pixels that contain any of these once the image is [averaged down](Image::averaged_down).
     #[must_use]
     pub fn averaged_down(self, factor: usize) -> Self {
         Self { start: self.start.map(|at| at / factor), end: self.end.map(|at| at.div_ceil(factor)) }
     }
 }
 
-impl Picture {
+impl Image {
     /// Reads an OpenEXR file's colour channels.
     pub fn read_exr(path: &Path) -> Result<Self, MeasureError> {
         let image = exr::prelude::read_first_rgba_layer_from_file(
@@ -48,12 +48,12 @@ impl Picture {
         Ok(Self { size: [width, pixels.len() / width], pixels })
     }
 
-    /// Values that are not finite; a correct picture has none.
+    /// Values that are not finite; a correct image has none.
     pub fn non_finite_count(&self) -> usize {
         self.pixels.iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
     }
 
-    /// The picture without some rectangles; only what is counted over pixels means anything after that.
+    /// The image without some rectangles, as one row of pixels: only sums over pixels mean anything after that.
     pub fn without(&self, rectangles: &[Rectangle]) -> Self {
         let [width, _] = self.size;
         let is_inside = |index: usize| {
@@ -65,8 +65,8 @@ impl Picture {
         Self { size: [pixels.len(), 1], pixels }
     }
 
-    /// The picture that a camera with fewer pixels takes of the same: each is the mean of `factor` x `factor` of these. `None`
-    /// where they do not divide evenly.
+    /// The image that a camera with fewer pixels makes: each pixel is the mean of `factor` x `factor` of these. `None` if they
+    /// do not divide evenly.
     pub fn averaged_down(&self, factor: usize) -> Option<Self> {
         let [width, height] = self.size;
         if factor == 0 || width % factor != 0 || height % factor != 0 {
@@ -84,9 +84,9 @@ impl Picture {
         Some(Self { size, pixels })
     }
 
-    /// The average of two pictures of one size.
+    /// The average of two images of one size.
     pub fn mean_with(&self, other: &Self) -> Self {
-        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "pictures of one size are averaged");
+        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "images of one size are averaged");
         let average = |(a, b): (&[f64; 3], &[f64; 3])| std::array::from_fn(|i| f64::midpoint(a[i], b[i]));
         Self { size: self.size, pixels: self.pixels.iter().zip(&other.pixels).map(average).collect() }
     }
@@ -96,19 +96,19 @@ impl Picture {
         self.pixels.iter().flatten().sum::<f64>() / (3 * self.pixels.len()) as f64
     }
 
-    /// The picture after `x / (1 + max(r, g, b))` of exposed values.
+    /// The image after `x / (1 + max(r, g, b))` of exposed values.
     pub fn tone_mapped(&self, exposure: f64) -> Self {
         Self { size: self.size, pixels: self.pixels.iter().map(|pixel| tone_map(*pixel, exposure)).collect() }
     }
 
     /// Mean squared difference over pixels and channels.
     pub fn mse(&self, other: &Self) -> f64 {
-        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "pictures of one size are compared");
+        debug_assert_eq!(self.pixels.len(), other.pixels.len(), "images of one size are compared");
         let sum: f64 = self.pixels.iter().zip(&other.pixels).map(|(a, b)| squared_distance(*a, *b)).sum();
         sum / (3 * self.pixels.len()) as f64
     }
 
-    /// Mean squared difference after the tone map of [`Picture::tone_mapped`].
+    /// Mean squared difference after the tone map of [`Image::tone_mapped`].
     pub fn tone_mapped_mse(&self, other: &Self, exposure: f64) -> f64 {
         self.tone_mapped(exposure).mse(&other.tone_mapped(exposure))
     }
@@ -120,9 +120,9 @@ impl Picture {
         pairs.map(|(x, r)| (x - r).powi(2) / (r * r + floor)).sum::<f64>() / (3 * self.pixels.len()) as f64
     }
 
-    /// Variance of [`Picture::mean`] of the average of two pictures that differ only by their seed.
+    /// Variance of [`Image::mean`] of the average of two images that differ only by their seed.
     pub fn variance_of_mean(&self, other: &Self) -> f64 {
-        // Each pixel's mean over channels has variance (a - b)^2 / 2, the average of two pictures half of that.
+        // Each pixel's mean over channels has variance (a - b)² / 2, the average of two images half of that.
         let sum: f64 = self
             .pixels
             .iter()
@@ -150,33 +150,33 @@ fn squared_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    fn picture(pixels: &[[f64; 3]]) -> Picture {
-        Picture { size: [pixels.len(), 1], pixels: pixels.to_vec() }
+    fn image(pixels: &[[f64; 3]]) -> Image {
+        Image { size: [pixels.len(), 1], pixels: pixels.to_vec() }
     }
 
     #[test]
-    fn tone_mapped_error_of_known_pictures() {
+    fn tone_mapped_error_of_known_images() {
         // 1 becomes 1/2 and 3 becomes 3/4: a difference of 1/4 in each channel.
-        let mse = picture(&[[1.0; 3]]).tone_mapped_mse(&picture(&[[3.0; 3]]), 1.0);
+        let mse = image(&[[1.0; 3]]).tone_mapped_mse(&image(&[[3.0; 3]]), 1.0);
         assert!((mse - 0.0625).abs() < 1e-12, "{mse}");
         // Exposure 3 makes the first what the second was; the second becomes 9/10.
-        let mse = picture(&[[1.0; 3]]).tone_mapped_mse(&picture(&[[3.0; 3]]), 3.0);
+        let mse = image(&[[1.0; 3]]).tone_mapped_mse(&image(&[[3.0; 3]]), 3.0);
         assert!((mse - 0.15_f64.powi(2)).abs() < 1e-12, "{mse}");
         // The brightest channel scales all three: (2, 1, 0) / 3.
-        let mse = picture(&[[2.0, 1.0, 0.0]]).tone_mapped_mse(&picture(&[[0.0; 3]]), 1.0);
+        let mse = image(&[[2.0, 1.0, 0.0]]).tone_mapped_mse(&image(&[[0.0; 3]]), 1.0);
         assert!((mse - (4.0 + 1.0) / 9.0 / 3.0).abs() < 1e-12, "{mse}");
     }
 
     #[test]
-    fn relative_error_of_known_pictures() {
+    fn relative_error_of_known_images() {
         // Mean of the reference is 2, so the floor is 0.04: (1 / 1.04 + 4 / 9.04) / 2.
-        let error = picture(&[[2.0; 3], [5.0; 3]]).relative_mse(&picture(&[[1.0; 3], [3.0; 3]]));
+        let error = image(&[[2.0; 3], [5.0; 3]]).relative_mse(&image(&[[1.0; 3], [3.0; 3]]));
         assert!((error - f64::midpoint(1.0 / 1.04, 4.0 / 9.04)).abs() < 1e-12, "{error}");
     }
 
     #[test]
     fn rectangles_are_left_out() {
-        let mut whole = Picture { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
+        let mut whole = Image { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
         whole.pixels[5] = [100.0; 3];
         assert!(whole.mean() > 10.0);
         let rest = whole.without(&[Rectangle { start: [1, 1], end: [2, 2] }]);
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn averaging_down_keeps_the_mean_and_its_place() {
-        let mut whole = Picture { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
+        let mut whole = Image { size: [4, 2], pixels: vec![[1.0; 3]; 8] };
         whole.pixels[7] = [5.0, 1.0, 1.0];
         let small = whole.averaged_down(2).unwrap();
         assert_eq!((small.size, small.pixels.as_slice()), ([2, 1], [[1.0; 3], [2.0, 1.0, 1.0]].as_slice()));
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn variance_of_mean_matches_many_pictures() {
+    fn variance_of_mean_matches_many_images() {
         // A fixed linear congruence stands for noise: uniform in [0, 1), variance 1/12 a channel, channels independent.
         let mut state = 1_u64;
         let mut noise = || {
@@ -204,8 +204,7 @@ mod tests {
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
         let count = 20_000;
-        let mut draw =
-            || Picture { size: [count, 1], pixels: (0..count).map(|_| [noise(), noise(), noise()]).collect() };
+        let mut draw = || Image { size: [count, 1], pixels: (0..count).map(|_| [noise(), noise(), noise()]).collect() };
         let (a, b) = (draw(), draw());
         let expected = 1.0 / 12.0 / 3.0 / 2.0 / count as f64;
         let measured = a.variance_of_mean(&b);
@@ -214,6 +213,6 @@ mod tests {
 
     #[test]
     fn bad_values_are_counted() {
-        assert_eq!(picture(&[[1.0; 3], [f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]]).non_finite_count(), 2);
+        assert_eq!(image(&[[1.0; 3], [f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0]]).non_finite_count(), 2);
     }
 }

@@ -1,9 +1,9 @@
-//! What is rendered and what it is compared with.
+//! What is rendered, and what it is compared with.
 
 use std::path::{Path, PathBuf};
 
 use surfelcast_gpu::Gpu;
-use surfelcast_measure::{Mode, Picture, Rectangle, Reference};
+use surfelcast_measure::{Image, Mode, Rectangle, Reference};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_stream::encode_exr;
 use surfelcast_techniques::{SessionState, SurfelSettings};
@@ -14,47 +14,47 @@ use surfelcast::Failure;
 use surfelcast::args::Materials;
 use surfelcast::scene_file;
 
-/// Size of pictures where nothing states one.
+/// Size of images if nothing states one.
 const DEFAULT_SIZE: [u32; 2] = [256, 192];
-/// The technique whose pictures are the truth where there is no reference, and the seed of its first half.
+/// The technique whose images are the truth if there is no reference, and the seed of its first half.
 const TRUTH_TECHNIQUE: &str = "path";
 const TRUTH_SEED: u64 = 0x7472_7574;
 
-/// How a scene is asked for.
-pub(crate) struct Wanted<'a> {
+/// A scene as the command line names it.
+pub(crate) struct Requested<'a> {
     /// Name of a reference or of a scene with references, a file, or `demo:NAME`.
     pub(crate) scene: &'a str,
     pub(crate) camera: Option<&'a str>,
-    pub(crate) size: Option<WantedSize>,
+    pub(crate) size: Option<RequestedSize>,
     pub(crate) materials: Materials,
     /// Indirect light alone is compared, demodulated.
     pub(crate) is_indirect: bool,
-    /// Picture to compare with.
+    /// Image to compare with.
     pub(crate) reference: Option<&'a Path>,
 }
 
-/// A picture's size where it is not the reference's.
-#[derive(Clone, Copy)]
-pub(crate) enum WantedSize {
+/// An image's size where it is not the reference's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum RequestedSize {
     Both([u32; 2]),
     /// The height follows the reference's shape.
     Width(u32),
 }
 
-impl WantedSize {
-    /// Beside a reference of that size. A height that is no whole number is rounded.
-    fn beside(self, [width, height]: [u32; 2]) -> [u32; 2] {
+impl RequestedSize {
+    /// The size for a reference of that size. The height is rounded to a whole number.
+    fn for_reference(self, [width, height]: [u32; 2]) -> [u32; 2] {
         match self {
             Self::Both(size) => size,
-            Self::Width(wanted) => {
-                let scaled = f64::from(wanted) * f64::from(height) / f64::from(width.max(1));
-                [wanted, (scaled.round() as u32).max(1)]
+            Self::Width(requested) => {
+                let scaled = f64::from(requested) * f64::from(height) / f64::from(width.max(1));
+                [requested, (scaled.round() as u32).max(1)]
             }
         }
     }
 }
 
-/// A picture to render.
+/// An image to render.
 pub(crate) struct Case {
     /// `<scene>_<camera>_<mode>`.
     pub(crate) name: String,
@@ -72,18 +72,18 @@ enum Source {
         image: PathBuf,
         noise: f64,
         masked: Vec<Rectangle>,
-        /// As many of its pixels, across and down, are one of the picture.
+        /// Pixels of the reference, across and down, that make one of the image.
         factor: u32,
     },
     /// To be rendered.
     Rendered,
 }
 
-/// What pictures are compared with.
+/// What images are compared with.
 pub(crate) struct Truth {
-    picture: Picture,
+    image: Image,
     masked: Vec<Rectangle>,
-    /// Tone-mapped RMSE that is left in it.
+    /// Its own tone-mapped RMSE.
     pub(crate) noise: f64,
     /// Where it comes from, for people.
     pub(crate) source: String,
@@ -91,18 +91,18 @@ pub(crate) struct Truth {
 
 impl Truth {
     /// The truth without the parts that are known to mean something else.
-    pub(crate) fn compared(&self) -> Picture {
-        self.picture.without(&self.masked)
+    pub(crate) fn compared(&self) -> Image {
+        self.image.without(&self.masked)
     }
 
-    /// The same parts of a picture.
-    pub(crate) fn comparable(&self, picture: &Picture) -> Picture {
-        picture.without(&self.masked)
+    /// The same parts of an image.
+    pub(crate) fn comparable(&self, image: &Image) -> Image {
+        image.without(&self.masked)
     }
 
-    /// Whole, for what looks at neighbourhoods.
-    pub(crate) fn whole(&self) -> &Picture {
-        &self.picture
+    /// The whole truth, for metrics that look at neighbourhoods.
+    pub(crate) fn whole(&self) -> &Image {
+        &self.image
     }
 }
 
@@ -114,7 +114,7 @@ fn mode_name(mode: Mode) -> &'static str {
     }
 }
 
-impl Wanted<'_> {
+impl Requested<'_> {
     fn mode(&self) -> Mode {
         match self.materials {
             _ if self.is_indirect => Mode::Indirect,
@@ -126,40 +126,40 @@ impl Wanted<'_> {
 
 impl Case {
     /// Finds the scene, among references first, and reads it.
-    pub(crate) fn find(wanted: &Wanted<'_>, shared: Option<&Path>) -> Result<Self, Failure> {
-        let looks_like_file = wanted.scene.contains(['/', '\\', ':', '.']);
-        if wanted.reference.is_none() && !looks_like_file {
+    pub(crate) fn find(requested: &Requested<'_>, shared: Option<&Path>) -> Result<Self, Failure> {
+        let looks_like_file = requested.scene.contains(['/', '\\', ':', '.']);
+        if requested.reference.is_none() && !looks_like_file {
             let shared = shared.ok_or_else(|| {
                 Failure::input(format!(
                     "--scene {}: there are no references here; set SURFELCAST_SHARED to a folder with references/ and \
                      scenes/, give a file with --reference, or take demo:cornell_box",
-                    wanted.scene
+                    requested.scene
                 ))
             })?;
-            return Self::of_reference(wanted, shared);
+            return Self::of_reference(requested, shared);
         }
-        let scene = scene_file::load(Path::new(wanted.scene), None, None)?;
-        let camera = scene_file::camera_of(&scene, wanted.camera)?.clone();
-        let mode = wanted.mode();
-        let (mut size, mut source) = match wanted.reference {
+        let scene = scene_file::load(Path::new(requested.scene), None, None)?;
+        let camera = scene_file::camera_of(&scene, requested.camera)?.clone();
+        let mode = requested.mode();
+        let (mut size, mut source) = match requested.reference {
             None => (DEFAULT_SIZE, Source::Rendered),
             Some(image) => {
-                let [width, height] = Picture::read_exr(image).map_err(input)?.size;
+                let [width, height] = Image::read_exr(image).map_err(input)?.size;
                 let noise = stated_noise(image).unwrap_or(0.0);
                 let source = Source::Reference { image: image.to_owned(), noise, masked: Vec::new(), factor: 1 };
                 ([width as u32, height as u32], source)
             }
         };
-        if let Some(wanted) = wanted.size.map(|wanted| wanted.beside(size)) {
+        if let Some(requested) = requested.size.map(|requested| requested.for_reference(size)) {
             if let Source::Reference { factor, .. } = &mut source {
-                *factor = whole_factor(size, wanted).ok_or_else(|| {
+                *factor = whole_factor(size, requested).ok_or_else(|| {
                     Failure::input(format!(
                         "--size, --width: the reference is {} x {}; give that size or a whole part of it",
                         size[0], size[1]
                     ))
                 })?;
             }
-            size = wanted;
+            size = requested;
         }
         Ok(Self {
             name: format!("{}_{}_{}", scene.name, camera.name, mode_name(mode)),
@@ -172,15 +172,15 @@ impl Case {
         })
     }
 
-    fn of_reference(wanted: &Wanted<'_>, shared: &Path) -> Result<Self, Failure> {
+    fn of_reference(requested: &Requested<'_>, shared: &Path) -> Result<Self, Failure> {
         let references = Reference::read_all(shared).map_err(input)?;
-        let name = wanted.scene;
-        let mode = wanted.mode();
+        let name = requested.scene;
+        let mode = requested.mode();
         let of_scene = |mode: Mode| {
             let is_it = |one: &&Reference| {
                 one.scene.file_stem().is_some_and(|stem| stem == name)
                     && one.mode == mode
-                    && wanted.camera.is_none_or(|camera| one.camera == camera)
+                    && requested.camera.is_none_or(|camera| one.camera == camera)
             };
             // The scene's own order of cameras, not that of the files' names, says which is the first.
             let main = references.iter().filter(is_it).find(|one| one.camera == "main");
@@ -190,8 +190,8 @@ impl Case {
             .iter()
             .find(|one| one.name == name)
             .or_else(|| of_scene(mode))
-            // Few references are of indirect light alone: others tell at least what is seen.
-            .or_else(|| if wanted.is_indirect { of_scene(Mode::Lambert) } else { None })
+            // Few references are of indirect light alone; the others give at least scene and camera.
+            .or_else(|| if requested.is_indirect { of_scene(Mode::Lambert) } else { None })
             .ok_or_else(|| {
                 let known: Vec<_> = references.iter().map(|one| one.name.as_str()).collect();
                 Failure::input(format!(
@@ -202,9 +202,9 @@ impl Case {
             })?;
         let scene = scene_file::load(&reference.scene, None, None)?;
         let camera = scene_file::camera_of(&scene, Some(&reference.camera))?.camera;
-        let mode = if wanted.is_indirect { Mode::Indirect } else { reference.mode };
-        // Another output, or a size that does not divide the reference's, asks for a truth of its own.
-        let size = wanted.size.map_or(reference.size, |wanted| wanted.beside(reference.size));
+        let mode = if requested.is_indirect { Mode::Indirect } else { reference.mode };
+        // Another output, or a size that does not divide the reference's, needs a truth of its own.
+        let size = requested.size.map_or(reference.size, |requested| requested.for_reference(reference.size));
         let source = match whole_factor(reference.size, size) {
             Some(factor) if reference.mode == mode => Source::Reference {
                 image: reference.image.clone(),
@@ -229,20 +229,20 @@ impl Case {
         })
     }
 
-    /// The device state for pictures of this case.
+    /// The device state for images of this case.
     pub(crate) fn stage<'a>(&'a self, gpu: &'a Gpu) -> Result<Stage<'a>, Failure> {
         Stage::new(gpu, &self.scene, self.mode, self.size, self.exposure)
     }
 
-    /// Reads the reference, or path-traces one in two halves that tell its noise. Those are kept in `folder`.
+    /// Reads the reference, or path-traces one in two halves whose difference gives its noise. They are kept in `folder`.
     pub(crate) fn truth(&self, stage: &Stage<'_>, samples: u32, folder: &Path) -> Result<Truth, Failure> {
         if let Source::Reference { image, noise, masked, factor } = &self.source {
             let factor = *factor as usize;
-            let picture = Picture::read_exr(image).map_err(input)?.averaged_down(factor).ok_or_else(|| {
+            let averaged = Image::read_exr(image).map_err(input)?.averaged_down(factor).ok_or_else(|| {
                 Failure::input(format!("{}: its size is not the one stated beside it", image.display()))
             })?;
             return Ok(Truth {
-                picture,
+                image: averaged,
                 masked: masked.iter().map(|rectangle| rectangle.averaged_down(factor)).collect(),
                 // That of independent pixels.
                 noise: noise / factor as f64,
@@ -251,7 +251,7 @@ impl Case {
         }
         let half_samples = (samples / 2).max(1);
         let [width, height] = self.size;
-        let half = |number: u64| -> Result<Picture, Failure> {
+        let half = |number: u64| -> Result<Image, Failure> {
             let file = folder.join(format!("{}_{width}x{height}_{half_samples}_{number}.exr", self.name));
             if !file.is_file() {
                 let mut shot = stage.shot(
@@ -262,16 +262,16 @@ impl Case {
                     &SessionState::default(),
                 )?;
                 shot.render(half_samples, f64::INFINITY)?;
-                let pixels: Vec<_> = shot.picture()?.pixels.iter().map(|pixel| pixel.map(|v| v as f32)).collect();
+                let pixels: Vec<_> = shot.image()?.pixels.iter().map(|pixel| pixel.map(|v| v as f32)).collect();
                 let bytes = encode_exr(&pixels, self.size).map_err(|error| Failure::runtime(error.to_string()))?;
                 write_file(&file, &bytes)?;
             }
-            Picture::read_exr(&file).map_err(input)
+            Image::read_exr(&file).map_err(input)
         };
         let [one, other] = [half(0)?, half(1)?];
         let noise = one.tone_mapped_mse(&other, f64::from(self.exposure)).sqrt() / 2.0;
         Ok(Truth {
-            picture: one.mean_with(&other),
+            image: one.mean_with(&other),
             masked: Vec::new(),
             noise,
             source: format!("{TRUTH_TECHNIQUE}, {} samples", 2 * half_samples),
@@ -279,13 +279,13 @@ impl Case {
     }
 }
 
-/// How many pixels of a picture, across and down, are one of a smaller one of the same shape, if it is a whole number.
+/// The pixels of an image, across and down, that make one of a smaller image of the same shape, if that is a whole number.
 fn whole_factor(size: [u32; 2], smaller: [u32; 2]) -> Option<u32> {
     let factor = size[0].checked_div(smaller[0])?;
     (factor > 0 && smaller.map(|side| side.saturating_mul(factor)) == size).then_some(factor)
 }
 
-/// The noise that the JSON beside a reference states.
+/// The noise that the JSON of a reference states.
 fn stated_noise(image: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(image.with_extension("json")).ok()?;
     let json: serde_json::Value = serde_json::from_str(&text).ok()?;
@@ -307,8 +307,8 @@ mod tests {
 
     #[test]
     fn a_width_keeps_the_shape() {
-        assert_eq!(WantedSize::Width(32).beside([320, 180]), [32, 18]);
-        assert_eq!(WantedSize::Width(1).beside([320, 100]), [1, 1], "no picture without a row");
-        assert_eq!(WantedSize::Both([7, 5]).beside([320, 180]), [7, 5]);
+        assert_eq!(RequestedSize::Width(32).for_reference([320, 180]), [32, 18]);
+        assert_eq!(RequestedSize::Width(1).for_reference([320, 100]), [1, 1], "no image without a row");
+        assert_eq!(RequestedSize::Both([7, 5]).for_reference([320, 180]), [7, 5]);
     }
 }
