@@ -27,9 +27,11 @@ const EVERYTHING: &[&str] = &[
     "protocol",
     "render-api",
     "renderer",
+    "review",
     "scene",
     "service",
     "shaders",
+    "store",
     "stream",
     "techniques",
 ];
@@ -70,9 +72,21 @@ const ROOMS: &[Room] = &[
         why: "the render actor: commands in, frames out",
     },
     Room {
+        name: "review",
+        folder: "server/review",
+        may_import: &["protocol"],
+        why: "the domain: sessions, edits, checks; no async, no clock, no I/O",
+    },
+    Room {
+        name: "store",
+        folder: "server/store",
+        may_import: &[],
+        why: "what is kept, bounded: scene files, finished renders, keys; knows bytes, not meanings",
+    },
+    Room {
         name: "service",
         folder: "server/service",
-        may_import: &["protocol", "render-api", "renderer", "stream"],
+        may_import: &["protocol", "render-api", "renderer", "review", "store", "stream"],
         why: "HTTP and WebSocket; sees the renderer through its handle",
     },
     Room {
@@ -84,9 +98,11 @@ const ROOMS: &[Room] = &[
             "protocol",
             "render-api",
             "renderer",
+            "review",
             "scene",
             "service",
             "shaders",
+            "store",
             "stream",
             "techniques",
         ],
@@ -118,8 +134,19 @@ const WALLS: &[(&str, &[&str], &str)] = &[
 ];
 
 /// Rooms without an async runtime: they are called from blocking threads or from the render thread.
-const WITHOUT_ASYNC: &[&str] =
-    &["protocol", "shaders", "scene", "render-api", "stream", "measure", "gpu", "passes", "techniques"];
+const WITHOUT_ASYNC: &[&str] = &[
+    "protocol",
+    "shaders",
+    "scene",
+    "render-api",
+    "stream",
+    "measure",
+    "gpu",
+    "passes",
+    "techniques",
+    "review",
+    "store",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests folder lies in the workspace")

@@ -19,21 +19,24 @@
 //! ```
 //!
 //! Modules: `http` (sockets, routes, one file a resource), `live` (the WebSocket connection), and what both share:
-//! `sessions` and `lights` (what the views of a scene have in common), `scene_store`, `jobs`, `validate`.
+//! `sessions` and `outgoing` (what the members of a session have in common), `scene_library`, `jobs`. `error` is what
+//! these refuse with; they know no HTTP.
 
 mod blocking;
+mod camera;
 pub mod config;
+mod error;
 mod http;
+mod image_format;
 mod jobs;
-mod lights;
 mod live;
 mod observe;
 mod outgoing;
-mod scene_store;
+mod random_id;
+mod scene_library;
+mod scene_lights;
 mod sessions;
 mod state;
-mod text;
-mod validate;
 
 pub use config::{Bounds, ServiceConfig, Timeouts};
 pub use http::listen::run;

@@ -1,52 +1,54 @@
-//! Sessions: one for each scene, opened at the first connection, closed soon after the last one left.
+//! Open sessions: opened when the first member joins, closed soon after the last one has left.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use parking_lot::Mutex;
+use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::server::ServerMessage;
-use surfelcast_protocol::settings::LightPatch;
 use surfelcast_renderer::scene::Scene;
-use surfelcast_renderer::{SessionKey, ViewKey, ViewState};
+use surfelcast_renderer::{RendererHandle, SessionKey, ViewKey, ViewState};
+use surfelcast_review::{Edit, ReviewError, Session, SessionId};
+use surfelcast_store::SceneRecord;
 use tokio::sync::broadcast;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::http::problem::ApiError;
-use crate::lights::LightSet;
+use crate::config::ServiceConfig;
+use crate::error::DomainError;
 use crate::outgoing::Outgoing;
-use crate::scene_store::{SceneEntry, SceneMeta};
-use crate::state::ServiceState;
-use crate::validate::Checked;
+use crate::scene_library::{SceneEntry, SceneLibrary};
+use crate::scene_lights::{light_set_of, session_lights};
 
-/// Broadcasts a slow member may be behind; it is sent the whole state when it is further.
+/// Broadcasts that a slow member may be behind; a member that is further behind is sent the whole state.
 const EVENT_CAPACITY: usize = 16;
 
-/// Why a connection could not join.
-#[derive(Debug)]
-pub(crate) enum JoinError {
-    /// No such session.
-    Unknown,
-    /// The session has as many members as it may.
-    Full(u32),
-    /// The scene could not be loaded or the renderer refused it.
-    Refused(ApiError),
-}
+/// All sessions by id. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Sessions(Arc<Inner>);
 
-/// All sessions by id.
-#[derive(Debug, Default)]
-pub(crate) struct Sessions {
-    slots: Mutex<HashMap<String, Arc<Slot>>>,
+#[derive(Debug)]
+struct Inner {
+    handle: RendererHandle,
+    library: Arc<SceneLibrary>,
+    limits: Limits,
+    /// A session stays open for this time after its last member has left.
+    grace: Duration,
+    /// A closed session keeps its edits for this time.
+    keep: Duration,
+    ended: CancellationToken,
+    slots: Mutex<HashMap<SessionId, Arc<Slot>>>,
 }
 
 /// The place of a session, open or not.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Slot {
     live: tokio::sync::Mutex<Option<Arc<Live>>>,
     members: AtomicU32,
-    /// Lights of the session that was closed here last, with their revision.
-    kept: Mutex<Option<(Instant, LightSet, u32)>>,
+    /// The session that was closed here last, and when.
+    closed: Mutex<Option<(Instant, Session)>>,
 }
 
 /// An open session.
@@ -54,8 +56,10 @@ struct Slot {
 pub(crate) struct Live {
     pub(crate) key: SessionKey,
     pub(crate) scene: Arc<Scene>,
-    pub(crate) meta: SceneMeta,
-    lights: Mutex<(LightSet, u32)>,
+    pub(crate) record: SceneRecord,
+    id: SessionId,
+    limits: Limits,
+    session: Mutex<Session>,
     events: broadcast::Sender<ServerMessage>,
     outgoing: Outgoing,
     /// Cancelled when the session ends while it has members.
@@ -63,15 +67,18 @@ pub(crate) struct Live {
 }
 
 impl Live {
-    /// The session's lights and their revision, as a message.
-    pub(crate) fn lights_message(&self) -> ServerMessage {
-        let lights = self.lights.lock();
-        ServerMessage::Lights { scene_rev: lights.1, state: lights.0.state() }
+    pub(crate) fn id(&self) -> &SessionId {
+        &self.id
     }
 
-    /// Revision of scene and lights.
+    /// The session's lights and their revision, as a message.
+    pub(crate) fn lights_message(&self) -> ServerMessage {
+        lights_message(&self.session.lock())
+    }
+
+    /// Number of the session's last edit.
     pub(crate) fn revision(&self) -> u32 {
-        self.lights.lock().1
+        self.session.lock().revision()
     }
 
     /// What happens to the session from now on.
@@ -79,16 +86,15 @@ impl Live {
         self.events.subscribe()
     }
 
-    /// Applies a member's edit and tells everyone. Returns the revision that contains it.
-    pub(crate) fn edit_lights(&self, patch: &LightPatch, max_lights: u32) -> Checked<u32> {
-        let mut lights = self.lights.lock();
-        lights.0.apply(patch, max_lights)?;
-        lights.1 += 1;
+    /// Applies a member's edit and sends its outcome to the renderer and to every member. Returns the revision that
+    /// contains it.
+    pub(crate) fn edit(&self, edit: &Edit) -> Result<u32, ReviewError> {
+        let mut session = self.session.lock();
+        let revision = session.apply(edit, &self.limits)?;
         // Queued under the lock, so that revisions arrive in order.
-        self.outgoing.set_lights(lights.0.session_lights(), lights.1);
-        let message = ServerMessage::Lights { scene_rev: lights.1, state: lights.0.state() };
-        let _ = self.events.send(message);
-        Ok(lights.1)
+        self.outgoing.set_lights(session_lights(session.lights(), self.scene.origin), revision);
+        let _ = self.events.send(lights_message(&session));
+        Ok(revision)
     }
 
     /// Sends a view's state to the renderer, after the edits that were made before it.
@@ -102,25 +108,28 @@ impl Live {
     }
 }
 
+fn lights_message(session: &Session) -> ServerMessage {
+    ServerMessage::Lights { scene_rev: session.revision(), state: session.lights().state() }
+}
+
 /// Membership of one connection; leaving is dropping it.
 #[derive(Debug)]
 pub(crate) struct Member {
     pub(crate) live: Arc<Live>,
     slot: Arc<Slot>,
-    state: ServiceState,
+    sessions: Sessions,
 }
 
 impl Drop for Member {
     fn drop(&mut self) {
         metrics::gauge!("surfelcast_views").decrement(1.0);
         if self.slot.members.fetch_sub(1, Ordering::AcqRel) == 1 {
-            let (slot, state) = (Arc::clone(&self.slot), self.state.clone());
-            let ended = state.ended().clone();
+            let (slot, sessions) = (Arc::clone(&self.slot), self.sessions.clone());
             drop(tokio::spawn(async move {
                 // Not tracked: shutdown need not wait for the grace period.
                 tokio::select! {
-                    () = tokio::time::sleep(state.config().timeouts.session_grace) => slot.close(&state).await,
-                    () = ended.cancelled() => {}
+                    () = tokio::time::sleep(sessions.0.grace) => sessions.close_if_empty(&slot).await,
+                    () = sessions.0.ended.cancelled() => {}
                 }
             }));
         }
@@ -128,94 +137,108 @@ impl Drop for Member {
 }
 
 impl Sessions {
+    /// No session is open. `ended` is cancelled when the service is gone.
+    pub(crate) fn new(
+        handle: RendererHandle,
+        library: Arc<SceneLibrary>,
+        config: &ServiceConfig,
+        ended: CancellationToken,
+    ) -> Self {
+        Self(Arc::new(Inner {
+            handle,
+            library,
+            limits: config.limits,
+            grace: config.timeouts.session_grace,
+            keep: config.timeouts.resume,
+            ended,
+            slots: Mutex::default(),
+        }))
+    }
+
     /// Joins the session of that id, opening it when it is closed.
-    pub(crate) async fn join(&self, state: &ServiceState, id: &str) -> Result<Member, JoinError> {
-        let entry = state.scenes().by_session(id).ok_or(JoinError::Unknown)?;
-        let slot = Arc::clone(self.slots.lock().entry(id.to_owned()).or_insert_with(|| Arc::new(Slot::new())));
+    pub(crate) async fn join(&self, id: &str) -> Result<Member, DomainError> {
+        let entry = self.0.library.by_session(id).ok_or(DomainError::UnknownSession)?;
+        let slot = Arc::clone(self.0.slots.lock().entry(entry.session.clone()).or_default());
         let mut live = slot.live.lock().await;
-        let limit = state.config().limits.views_per_session;
+        let limit = self.0.limits.views_per_session;
         if slot.members.load(Ordering::Acquire) >= limit {
-            return Err(JoinError::Full(limit));
+            return Err(DomainError::SessionFull { limit });
         }
         let open = if let Some(open) = live.as_ref() {
             Arc::clone(open)
         } else {
-            let kept = slot.kept.lock().take();
-            let open = open(state, &entry, kept).await.map_err(JoinError::Refused)?;
+            let closed = slot.closed.lock().take();
+            let open = self.open(&entry, closed).await?;
             *live = Some(Arc::clone(&open));
             open
         };
         slot.members.fetch_add(1, Ordering::AcqRel);
         metrics::gauge!("surfelcast_views").increment(1.0);
         drop(live);
-        Ok(Member { live: open, slot, state: state.clone() })
+        Ok(Member { live: open, slot, sessions: self.clone() })
     }
 
-    /// Whether anyone is connected.
-    pub(crate) fn has_members(&self, id: &str) -> bool {
-        self.slots.lock().get(id).is_some_and(|slot| slot.members.load(Ordering::Acquire) > 0)
+    /// Whether the session has members.
+    pub(crate) fn has_members(&self, id: &SessionId) -> bool {
+        self.0.slots.lock().get(id).is_some_and(|slot| slot.members.load(Ordering::Acquire) > 0)
     }
 
     /// Ends the session of a scene that is being deleted.
-    pub(crate) async fn end(&self, state: &ServiceState, id: &str) {
-        let slot = self.slots.lock().remove(id);
+    pub(crate) async fn end(&self, id: &SessionId) {
+        let slot = self.0.slots.lock().remove(id);
         if let Some(slot) = slot
             && let Some(live) = slot.live.lock().await.take()
         {
             live.ended.cancel();
-            close_in_renderer(state, &live).await;
+            self.close_in_renderer(&live).await;
         }
     }
-}
 
-impl Slot {
-    fn new() -> Self {
-        Self { live: tokio::sync::Mutex::default(), members: AtomicU32::new(0), kept: Mutex::default() }
+    async fn open(
+        &self,
+        entry: &Arc<SceneEntry>,
+        closed: Option<(Instant, Session)>,
+    ) -> Result<Arc<Live>, DomainError> {
+        let scene = self.0.library.load(entry).await?;
+        let key = self.0.handle.open_session(Arc::clone(&scene)).await?;
+        metrics::gauge!("surfelcast_sessions").increment(1.0);
+        let outgoing = Outgoing::start(self.0.handle.clone(), key);
+        let session = match closed.filter(|(at, _)| at.elapsed() < self.0.keep) {
+            Some((_, session)) => {
+                outgoing.set_lights(session_lights(session.lights(), scene.origin), session.revision());
+                session
+            }
+            None => Session::new(entry.session.clone(), entry.record.id.clone(), light_set_of(&scene)),
+        };
+        Ok(Arc::new(Live {
+            key,
+            scene,
+            record: entry.record.clone(),
+            id: session.id().clone(),
+            limits: self.0.limits,
+            session: Mutex::new(session),
+            events: broadcast::Sender::new(EVENT_CAPACITY),
+            outgoing,
+            ended: CancellationToken::new(),
+        }))
     }
 
-    async fn close(&self, state: &ServiceState) {
-        let mut live = self.live.lock().await;
+    async fn close_if_empty(&self, slot: &Slot) {
+        let mut live = slot.live.lock().await;
         // Someone may have joined in the meantime; joining holds the same lock.
-        if self.members.load(Ordering::Acquire) > 0 {
+        if slot.members.load(Ordering::Acquire) > 0 {
             return;
         }
         if let Some(open) = live.take() {
-            let lights = open.lights.lock().clone();
-            *self.kept.lock() = Some((Instant::now(), lights.0, lights.1));
-            close_in_renderer(state, &open).await;
+            *slot.closed.lock() = Some((Instant::now(), open.session.lock().clone()));
+            self.close_in_renderer(&open).await;
         }
     }
-}
 
-async fn open(
-    state: &ServiceState,
-    entry: &Arc<SceneEntry>,
-    kept: Option<(Instant, LightSet, u32)>,
-) -> Result<Arc<Live>, ApiError> {
-    let scene = state.scenes().load(entry).await?;
-    let key = state.handle().open_session(Arc::clone(&scene)).await?;
-    metrics::gauge!("surfelcast_sessions").increment(1.0);
-    let kept = kept.filter(|(at, _, _)| at.elapsed() < state.config().timeouts.resume);
-    let is_edited = kept.is_some();
-    let lights = kept.map_or_else(|| (LightSet::of_scene(&scene), 1), |(_, lights, revision)| (lights, revision));
-    let outgoing = Outgoing::start(state.handle().clone(), key);
-    if is_edited {
-        outgoing.set_lights(lights.0.session_lights(), lights.1);
-    }
-    Ok(Arc::new(Live {
-        key,
-        scene,
-        meta: entry.meta.clone(),
-        lights: Mutex::new(lights),
-        events: broadcast::Sender::new(EVENT_CAPACITY),
-        outgoing,
-        ended: CancellationToken::new(),
-    }))
-}
-
-async fn close_in_renderer(state: &ServiceState, live: &Live) {
-    metrics::gauge!("surfelcast_sessions").decrement(1.0);
-    if let Err(error) = state.handle().close_session(live.key).await {
-        tracing::debug!(%error, "session could not be closed");
+    async fn close_in_renderer(&self, live: &Live) {
+        metrics::gauge!("surfelcast_sessions").decrement(1.0);
+        if let Err(error) = self.0.handle.close_session(live.key).await {
+            tracing::debug!(%error, "session could not be closed");
+        }
     }
 }

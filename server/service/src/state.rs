@@ -8,17 +8,18 @@ use axum::http::HeaderValue;
 use metrics_exporter_prometheus::PrometheusHandle;
 use surfelcast_renderer::scene::Scene;
 use surfelcast_renderer::{DeviceState, RendererHandle, RendererStatus};
+use surfelcast_store::{RenderBounds, StoreError};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::blocking::BlockingPool;
 use crate::config::ServiceConfig;
 use crate::http::guard::content_security_policy;
-use crate::http::idempotency::IdempotencyKeys;
+use crate::http::idempotency::Idempotency;
 use crate::jobs::Jobs;
 use crate::live::resume::ResumeTokens;
 use crate::observe;
-use crate::scene_store::SceneStore;
+use crate::scene_library::SceneLibrary;
 use crate::sessions::Sessions;
 
 /// Why the service could not start.
@@ -30,7 +31,7 @@ pub enum ServiceError {
         /// The folder.
         path: String,
         /// Cause.
-        source: std::io::Error,
+        source: StoreError,
     },
     /// A configured value cannot be sent in a header.
     #[error("frame_ancestors: not usable in a content security policy: {0}")]
@@ -46,11 +47,11 @@ struct Inner {
     config: ServiceConfig,
     csp: HeaderValue,
     handle: RendererHandle,
-    scenes: SceneStore,
+    scenes: Arc<SceneLibrary>,
     sessions: Sessions,
     resume: ResumeTokens,
     jobs: Jobs,
-    idempotency: IdempotencyKeys,
+    idempotency: Idempotency,
     encoders: BlockingPool,
     uploads: tokio::sync::Semaphore,
     draining: CancellationToken,
@@ -67,21 +68,29 @@ impl ServiceState {
     pub fn new(handle: RendererHandle, scenes: Vec<Arc<Scene>>, config: ServiceConfig) -> Result<Self, ServiceError> {
         let csp = content_security_policy(&config);
         let csp = HeaderValue::from_str(&csp).map_err(|_| ServiceError::FrameAncestors(csp))?;
-        let scenes = SceneStore::open(&config, scenes)
+        let scenes = SceneLibrary::open(&config.data_dir, scenes, config.bounds)
             .map_err(|source| ServiceError::DataDir { path: config.data_dir.display().to_string(), source })?;
+        let scenes = Arc::new(scenes);
+        let (draining, ended, tasks) = (CancellationToken::new(), CancellationToken::new(), TaskTracker::new());
+        let encoders = BlockingPool::new("encoding", config.bounds.encoders);
+        let render_bounds = RenderBounds {
+            active: config.bounds.active_renders,
+            finished: config.bounds.finished_renders,
+            finished_bytes: config.bounds.render_cache_bytes,
+        };
         Ok(Self(Arc::new(Inner {
             csp,
+            sessions: Sessions::new(handle.clone(), Arc::clone(&scenes), &config, ended.clone()),
+            jobs: Jobs::new(handle.clone(), encoders.clone(), tasks.clone(), ended.clone(), render_bounds),
             handle,
             scenes,
-            sessions: Sessions::default(),
             resume: ResumeTokens::new(config.bounds.resume_tokens, config.timeouts.resume, config.timeouts.reconnect),
-            jobs: Jobs::default(),
-            idempotency: IdempotencyKeys::new(config.bounds.idempotency_keys, config.timeouts.idempotency),
-            encoders: BlockingPool::new("encoding", config.bounds.encoders),
+            idempotency: Idempotency::new(config.bounds.idempotency_keys, config.timeouts.idempotency),
+            encoders,
             uploads: tokio::sync::Semaphore::new(config.bounds.uploads),
-            draining: CancellationToken::new(),
-            ended: CancellationToken::new(),
-            tasks: TaskTracker::new(),
+            draining,
+            ended,
+            tasks,
             local_addr: OnceLock::new(),
             started: Instant::now(),
             metrics: observe::recorder(),
@@ -105,7 +114,7 @@ impl ServiceState {
         self.0.handle.status().borrow().clone()
     }
 
-    pub(crate) fn scenes(&self) -> &SceneStore {
+    pub(crate) fn scenes(&self) -> &SceneLibrary {
         &self.0.scenes
     }
 
@@ -121,7 +130,7 @@ impl ServiceState {
         &self.0.jobs
     }
 
-    pub(crate) fn idempotency(&self) -> &IdempotencyKeys {
+    pub(crate) fn idempotency(&self) -> &Idempotency {
         &self.0.idempotency
     }
 
@@ -136,11 +145,6 @@ impl ServiceState {
     /// Cancelled when shutdown begins.
     pub(crate) fn draining(&self) -> &CancellationToken {
         &self.0.draining
-    }
-
-    /// Cancelled when the service is gone and background work has no one left to tell.
-    pub(crate) fn ended(&self) -> &CancellationToken {
-        &self.0.ended
     }
 
     /// Connections and jobs in progress; shutdown waits for them.

@@ -3,45 +3,29 @@
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 
 use crate::http::problem::ApiError;
+use crate::image_format::ImageFormat;
 
-/// What a render can be answered with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Format {
-    Png,
-    Jpeg,
-    Webp,
-    Exr,
+/// What a request for a render can be answered with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Representation {
+    /// The image.
+    Image(ImageFormat),
     /// The job resource.
     Json,
 }
 
-impl Format {
-    pub(crate) const IMAGES: [Self; 4] = [Self::Png, Self::Jpeg, Self::Webp, Self::Exr];
-
-    pub(crate) fn mime(self) -> &'static str {
+impl Representation {
+    fn mime(self) -> &'static str {
         match self {
-            Self::Png => "image/png",
-            Self::Jpeg => "image/jpeg",
-            Self::Webp => "image/webp",
-            Self::Exr => "image/x-exr",
+            Self::Image(format) => format.mime(),
             Self::Json => "application/json",
-        }
-    }
-
-    /// File extension, which is also the end of the entity tag.
-    pub(crate) fn extension(self) -> &'static str {
-        match self {
-            Self::Png => "png",
-            Self::Jpeg => "jpg",
-            Self::Webp => "webp",
-            Self::Exr => "exr",
-            Self::Json => "json",
         }
     }
 }
 
-/// The available format the client likes best; among equals the first of `available`. 406 where none is acceptable.
-pub(crate) fn choose(headers: &HeaderMap, available: &[Format]) -> Result<Format, ApiError> {
+/// The available representation that the client prefers; among equals the first of `available`. 406 where none is
+/// acceptable.
+pub(crate) fn choose(headers: &HeaderMap, available: &[Representation]) -> Result<Representation, ApiError> {
     let ranges: Vec<&str> = headers
         .get_all(header::ACCEPT)
         .iter()
@@ -50,15 +34,15 @@ pub(crate) fn choose(headers: &HeaderMap, available: &[Format]) -> Result<Format
         .map(str::trim)
         .filter(|range| !range.is_empty())
         .collect();
-    let mut best: Option<(Format, u32)> = None;
-    for format in available {
-        let quality = if ranges.is_empty() { 1000 } else { quality_of(&ranges, format.mime()) };
+    let mut best: Option<(Representation, u32)> = None;
+    for candidate in available {
+        let quality = if ranges.is_empty() { 1000 } else { quality_of(&ranges, candidate.mime()) };
         if quality > best.map_or(0, |(_, q)| q) {
-            best = Some((*format, quality));
+            best = Some((*candidate, quality));
         }
     }
-    best.map(|(format, _)| format).ok_or_else(|| {
-        let list: Vec<&str> = available.iter().map(|format| format.mime()).collect();
+    best.map(|(chosen, _)| chosen).ok_or_else(|| {
+        let list: Vec<&str> = available.iter().map(|candidate| candidate.mime()).collect();
         let detail = format!("Accept: none of the accepted types is available here; ask for {}", list.join(", "));
         ApiError::new(StatusCode::NOT_ACCEPTABLE, "not_acceptable", detail)
     })
@@ -138,12 +122,16 @@ pub(crate) fn accepts_gzip(headers: &HeaderMap) -> bool {
 mod tests {
     use super::*;
 
-    fn accept(value: &str) -> Result<Format, u16> {
+    fn accept(value: &str) -> Result<ImageFormat, u16> {
         let mut headers = HeaderMap::new();
         if !value.is_empty() {
             headers.insert(header::ACCEPT, HeaderValue::from_str(value).expect("a value"));
         }
-        choose(&headers, &Format::IMAGES).map_err(|e| e.status().as_u16())
+        match choose(&headers, &ImageFormat::ALL.map(Representation::Image)) {
+            Ok(Representation::Image(format)) => Ok(format),
+            Ok(Representation::Json) => panic!("not available"),
+            Err(error) => Err(error.status().as_u16()),
+        }
     }
 
     #[test]
@@ -162,13 +150,13 @@ mod tests {
 
     #[test]
     fn formats() {
-        assert_eq!(accept(""), Ok(Format::Png));
-        assert_eq!(accept("*/*"), Ok(Format::Png));
-        assert_eq!(accept("image/*"), Ok(Format::Png));
-        assert_eq!(accept("image/webp"), Ok(Format::Webp));
-        assert_eq!(accept("image/avif, image/jpeg;q=0.5, image/webp;q=0.8"), Ok(Format::Webp));
-        assert_eq!(accept("image/png;q=0, image/*;q=0.1"), Ok(Format::Jpeg));
-        assert_eq!(accept("IMAGE/X-EXR"), Ok(Format::Exr));
+        assert_eq!(accept(""), Ok(ImageFormat::Png));
+        assert_eq!(accept("*/*"), Ok(ImageFormat::Png));
+        assert_eq!(accept("image/*"), Ok(ImageFormat::Png));
+        assert_eq!(accept("image/webp"), Ok(ImageFormat::Webp));
+        assert_eq!(accept("image/avif, image/jpeg;q=0.5, image/webp;q=0.8"), Ok(ImageFormat::Webp));
+        assert_eq!(accept("image/png;q=0, image/*;q=0.1"), Ok(ImageFormat::Jpeg));
+        assert_eq!(accept("IMAGE/X-EXR"), Ok(ImageFormat::Exr));
         assert_eq!(accept("image/avif"), Err(406));
         assert_eq!(accept("text/html, image/png;q=0"), Err(406));
         assert_eq!(accept("image/png;q=abc"), Err(406));

@@ -4,6 +4,10 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use surfelcast_protocol::problem::{PROBLEM_JSON, Problem};
 use surfelcast_renderer::RendererError;
+use surfelcast_renderer::scene::SceneError;
+use surfelcast_store::StoreError;
+
+use crate::error::DomainError;
 
 /// An error answer. `detail` names the field, the limit and the remedy.
 #[derive(Clone, Debug)]
@@ -30,16 +34,20 @@ impl ApiError {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid_value", detail)
     }
 
+    /// 503: the server is stopping.
+    pub(crate) fn draining() -> Self {
+        let detail = "the server is stopping; it takes no new work";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "draining", detail).retry_after(10)
+    }
+
     /// 404.
     pub(crate) fn not_found(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::NOT_FOUND, "not_found", detail)
     }
 
-    /// 500, with a text that tells nothing of the inside; the cause is logged here, once.
+    /// 500, with a text that hides the cause, which is logged here, once.
     pub(crate) fn internal(cause: &dyn std::fmt::Display) -> Self {
-        tracing::error!(%cause, "request failed");
-        let detail = "the server failed; the cause is in its log";
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", detail)
+        DomainError::internal(cause).into()
     }
 
     /// The same error, with the seconds after which a retry may succeed.
@@ -55,11 +63,13 @@ impl ApiError {
     }
 
     /// Machine-readable code.
+    #[cfg(test)]
     pub(crate) fn code(&self) -> &'static str {
         self.code
     }
 
     /// Text for people.
+    #[cfg(test)]
     pub(crate) fn detail(&self) -> &str {
         &self.detail
     }
@@ -93,6 +103,38 @@ impl From<RendererError> for ApiError {
             RendererError::Canceled => Self::new(StatusCode::CONFLICT, "render_canceled", detail),
             RendererError::Unknown(_) => Self::not_found(detail),
         }
+    }
+}
+
+impl From<DomainError> for ApiError {
+    fn from(error: DomainError) -> Self {
+        let detail = error.to_string();
+        let new = |status, code| Self::new(status, code, detail);
+        match error {
+            DomainError::Renderer(error) => error.into(),
+            DomainError::StoreLimit(StoreError::TooManyRenders { .. }) => {
+                new(StatusCode::TOO_MANY_REQUESTS, "render_queue_full").retry_after(5)
+            }
+            DomainError::StoreLimit(_) => new(StatusCode::INSUFFICIENT_STORAGE, "storage_full"),
+            DomainError::InvalidScene(error) => new(StatusCode::UNPROCESSABLE_ENTITY, scene_code(&error)),
+            DomainError::NotEncodable(_) => new(StatusCode::UNPROCESSABLE_ENTITY, "not_encodable"),
+            DomainError::UnknownScene | DomainError::UnknownSession => new(StatusCode::NOT_FOUND, "not_found"),
+            DomainError::BuiltinScene => new(StatusCode::CONFLICT, "builtin_scene"),
+            DomainError::LoadingBusy { .. } => new(StatusCode::SERVICE_UNAVAILABLE, "loading_busy").retry_after(5),
+            DomainError::SessionFull { .. } => new(StatusCode::SERVICE_UNAVAILABLE, "session_full").retry_after(5),
+            DomainError::NotFinished => new(StatusCode::CONFLICT, "not_ready").retry_after(1),
+            DomainError::RenderCanceled => new(StatusCode::CONFLICT, "render_canceled"),
+            DomainError::Internal => new(StatusCode::INTERNAL_SERVER_ERROR, "internal"),
+        }
+    }
+}
+
+/// Code of an upload that is no scene this server can render.
+fn scene_code(error: &SceneError) -> &'static str {
+    match error {
+        SceneError::Read { .. } | SceneError::Invalid { .. } => "invalid_scene",
+        SceneError::UnsupportedExtension { .. } => "unsupported_extension",
+        SceneError::TooLarge { .. } => "scene_too_large",
     }
 }
 

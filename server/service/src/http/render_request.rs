@@ -11,11 +11,12 @@ use sha2::{Digest, Sha256};
 use surfelcast_protocol::settings::Pose;
 use surfelcast_renderer::scene::{Camera, Scene};
 use surfelcast_renderer::{Aov, DEFAULT_TECHNIQUE, MaterialMode, RenderJob, RendererStatus, StopRules, SurfelSettings};
+use surfelcast_review::number::{EXPOSURE, within};
 
+use crate::camera::camera;
 use crate::config::Bounds;
 use crate::http::problem::ApiError;
 use crate::http::surfel_request::surfel_settings;
-use crate::validate::{EXPOSURE, camera, within};
 
 /// Samples a pixel of a render that names no stop rule.
 const DEFAULT_SAMPLES: u32 = 64;

@@ -16,13 +16,12 @@ use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::http::body::{BodyReader, media_type};
 use crate::http::idempotency::Begin;
-use crate::http::negotiate::{Format, choose, is_none_match_hit, prefer_wait};
+use crate::http::negotiate::{Representation, choose, is_none_match_hit, prefer_wait};
 use crate::http::problem::ApiError;
 use crate::http::render_request::RenderSpec;
-use crate::http::scenes::draining;
 use crate::http::surfel_request::{SurfelKnobs, preset_schema, reconstruction_schema};
+use crate::image_format::ImageFormat;
 use crate::jobs::{Job, JobState};
-use crate::scene_store::unknown_scene;
 use crate::state::ServiceState;
 
 /// A render as a resource.
@@ -121,7 +120,7 @@ impl RenderInfo {
             JobState::Active if progress.is_running => ("running", None, None),
             JobState::Active => ("queued", None, None),
             JobState::Succeeded(output) => ("succeeded", Some(measurements(output)), None),
-            JobState::Failed(error) => ("failed", None, Some(error.document())),
+            JobState::Failed(error) => ("failed", None, Some(ApiError::from(error.clone()).document())),
             JobState::Canceled => ("canceled", None, None),
         };
         let output = if let JobState::Succeeded(output) = &state { Some(output) } else { None };
@@ -206,8 +205,8 @@ pub(crate) async fn create(
     };
     let mut response = match wait {
         Some(wait) if tokio::time::timeout(wait, job.finished()).await.is_ok() => match format {
-            Format::Json => Json(RenderInfo::of(&job)).into_response(),
-            _ => picture(&state, &job, format, &headers, false).await?,
+            Representation::Json => Json(RenderInfo::of(&job)).into_response(),
+            Representation::Image(format) => picture(&state, &job, format, &headers, false).await?,
         },
         _ => {
             let location = format!("/v1/renders/{}", job.id);
@@ -228,13 +227,13 @@ async fn submit(
     headers: &HeaderMap,
     body: &[u8],
     wait: Option<Duration>,
-) -> Result<(Arc<Job>, Format), ApiError> {
+) -> Result<(Arc<Job>, Representation), ApiError> {
     if state.draining().is_cancelled() {
-        return Err(draining());
+        return Err(ApiError::draining());
     }
     let config = state.config();
     let spec = RenderSpec::parse(body, &config.bounds)?;
-    let entry = state.scenes().get(&spec.scene).ok_or_else(unknown_scene)?;
+    let entry = state.scenes().get(&spec.scene)?;
     let status = state.renderer_status();
     if status.state != DeviceState::Ready {
         let detail = "the render device is not ready; try again later";
@@ -246,19 +245,19 @@ async fn submit(
     if wait.is_some() {
         choose(headers, &acceptable(render.job.aov.is_some()))?;
     }
-    let (job, is_new) = state.jobs().submit(state, render)?;
+    let (job, is_new) = state.jobs().submit(render.job, render.key)?;
     tracing::info!(job = %job.id, is_new, "render requested");
     let format = answer_format(headers, &job, wait)?;
     Ok((job, format))
 }
 
-fn acceptable(is_data: bool) -> Vec<Format> {
-    let images: &[Format] = if is_data { &[Format::Exr] } else { &Format::IMAGES };
-    images.iter().copied().chain([Format::Json]).collect()
+fn acceptable(is_data: bool) -> Vec<Representation> {
+    let images: &[ImageFormat] = if is_data { &[ImageFormat::Exr] } else { &ImageFormat::ALL };
+    images.iter().copied().map(Representation::Image).chain([Representation::Json]).collect()
 }
 
-fn answer_format(headers: &HeaderMap, job: &Job, wait: Option<Duration>) -> Result<Format, ApiError> {
-    if wait.is_none() { Ok(Format::Json) } else { choose(headers, &acceptable(job.spec.aov.is_some())) }
+fn answer_format(headers: &HeaderMap, job: &Job, wait: Option<Duration>) -> Result<Representation, ApiError> {
+    if wait.is_none() { Ok(Representation::Json) } else { choose(headers, &acceptable(job.spec.aov.is_some())) }
 }
 
 /// Describes a render.
@@ -290,8 +289,11 @@ pub(crate) async fn image(
     headers: HeaderMap,
 ) -> Result<Response, ApiError> {
     let job = find(&state, &id)?;
-    let format = choose(&headers, job.formats())?;
-    picture(&state, &job, format, &headers, true).await
+    let available: Vec<_> = job.formats().iter().map(|format| Representation::Image(*format)).collect();
+    match choose(&headers, &available)? {
+        Representation::Image(format) => picture(&state, &job, format, &headers, true).await,
+        Representation::Json => Ok(Json(RenderInfo::of(&job)).into_response()),
+    }
 }
 
 /// Cancels a render. One that had finished stays as it is and keeps its picture; a canceled one has none, however many
@@ -326,7 +328,7 @@ fn find(state: &ServiceState, id: &str) -> Result<Arc<Job>, ApiError> {
 async fn picture(
     state: &ServiceState,
     job: &Arc<Job>,
-    format: Format,
+    format: ImageFormat,
     headers: &HeaderMap,
     may_be_known: bool,
 ) -> Result<Response, ApiError> {
@@ -335,7 +337,7 @@ async fn picture(
     let (status, file) = if is_known {
         (StatusCode::NOT_MODIFIED, bytes::Bytes::new())
     } else {
-        (StatusCode::OK, job.file(state, format).await?)
+        (StatusCode::OK, state.jobs().file(job, format).await?)
     };
     let mut response = (status, file).into_response();
     let fields = response.headers_mut();

@@ -14,7 +14,7 @@ use utoipa::ToSchema;
 use crate::http::body::{BodyReader, media_type};
 use crate::http::multipart::Multipart;
 use crate::http::problem::ApiError;
-use crate::scene_store::{SceneEntry, unknown_scene};
+use crate::scene_library::SceneEntry;
 use crate::state::ServiceState;
 
 /// Media types of uploads.
@@ -51,14 +51,14 @@ pub(crate) struct SceneList {
 
 impl SceneInfo {
     fn of(entry: &Arc<SceneEntry>) -> Self {
-        let meta = &entry.meta;
+        let record = &entry.record;
         Self {
-            id: meta.id.clone(),
-            name: meta.name.clone(),
-            triangle_count: meta.triangle_count,
-            session: meta.session_id().to_owned(),
-            cameras: meta.cameras.clone(),
-            warnings: meta.warnings.clone(),
+            id: record.id.clone(),
+            name: record.name.clone(),
+            triangle_count: record.triangle_count,
+            session: entry.session.to_string(),
+            cameras: record.cameras.clone(),
+            warnings: record.warnings.clone(),
             builtin: entry.is_builtin(),
         }
     }
@@ -77,7 +77,7 @@ pub(crate) async fn get(
     State(state): State<ServiceState>,
     Path(id): Path<String>,
 ) -> Result<Json<SceneInfo>, ApiError> {
-    let entry = state.scenes().get(&id).ok_or_else(unknown_scene)?;
+    let entry = state.scenes().get(&id)?;
     Ok(Json(SceneInfo::of(&entry)))
 }
 
@@ -121,7 +121,7 @@ pub(crate) async fn upload(
         return Err(ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail));
     }
     if state.draining().is_cancelled() {
-        return Err(draining());
+        return Err(ApiError::draining());
     }
     let Ok(_permit) = state.uploads().try_acquire() else {
         let limit = state.config().bounds.uploads;
@@ -131,7 +131,7 @@ pub(crate) async fn upload(
     let config = state.config();
     let mut reader = BodyReader::new(body, &headers, "body", config.bounds.upload_bytes, config.timeouts)?;
     // Removed on every path out of here unless the store takes it.
-    let file = tempfile::NamedTempFile::new_in(state.scenes().dir()).map_err(|e| ApiError::internal(&e))?;
+    let file = state.scenes().new_upload()?;
     let handle = file.as_file().try_clone().map_err(|e| ApiError::internal(&e))?;
     let mut writer = tokio::fs::File::from_std(handle);
     let view = if is_form {
@@ -147,7 +147,7 @@ pub(crate) async fn upload(
     let name = query_value(&uri, "name").unwrap_or_default();
     let (entry, is_new) = state.scenes().import(file, view, &name).await?;
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    let location = format!("/v1/scenes/{}", entry.meta.id);
+    let location = format!("/v1/scenes/{}", entry.record.id);
     Ok((status, [(header::LOCATION, location)], Json(SceneInfo::of(&entry))).into_response())
 }
 
@@ -185,20 +185,14 @@ async fn read_form(
     responses((status = 204, description = "Deleted"), (status = 404, description = "No such scene"),
         (status = 409, description = "In use, or built in")))]
 pub(crate) async fn delete(State(state): State<ServiceState>, Path(id): Path<String>) -> Result<StatusCode, ApiError> {
-    let entry = state.scenes().get(&id).ok_or_else(unknown_scene)?;
-    let session = entry.meta.session_id();
-    if state.sessions().has_members(session) {
+    let entry = state.scenes().get(&id)?;
+    if state.sessions().has_members(&entry.session) {
         let detail = "scene: someone is looking at it; close those views first";
         return Err(ApiError::new(StatusCode::CONFLICT, "scene_in_use", detail));
     }
     state.scenes().delete(&id)?;
-    state.sessions().end(&state, session).await;
+    state.sessions().end(&entry.session).await;
     Ok(StatusCode::NO_CONTENT)
-}
-
-pub(crate) fn draining() -> ApiError {
-    let detail = "the server is stopping; it takes no new work";
-    ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "draining", detail).retry_after(10)
 }
 
 /// A value of the query string, percent-decoded.

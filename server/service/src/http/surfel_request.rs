@@ -2,12 +2,12 @@
 
 use serde_json::Value;
 use surfelcast_renderer::{KNOBS, Knob, Reconstruction, SurfelSettings};
+use surfelcast_review::number::within;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{AdditionalProperties, Object, ObjectBuilder, Schema, Type};
 use utoipa::{Number, PartialSchema, ToSchema};
 
 use crate::http::problem::ApiError;
-use crate::validate::within;
 
 /// Reads the fields `preset`, `reconstruction` and `surfel`. 400 for what is not well formed, 422 for values that cannot be.
 pub(crate) fn surfel_settings(

@@ -7,9 +7,8 @@ use surfelcast_protocol::parse::ParseError;
 use surfelcast_renderer::RendererError;
 use tungstenite::error::CapacityError;
 
-use crate::http::problem::ApiError;
+use crate::error::DomainError;
 use crate::live::outbox::Overflow;
-use crate::sessions::JoinError;
 
 /// How a connection ends. The text of a variant is the reason in the close message.
 #[derive(Debug, thiserror::Error)]
@@ -29,10 +28,8 @@ pub(crate) enum CloseReason {
     HelloCodecs,
     #[error("hello.resume: come back {least_ms} ms after the last connection began, not before")]
     ResumedTooSoon { least_ms: u128 },
-    #[error("no such session; GET /v1/scenes lists them")]
-    NoSession,
-    #[error("the session has {0} views already")]
-    SessionFull(u32),
+    #[error(transparent)]
+    NotJoined(#[from] DomainError),
     // The client broke a rule.
     #[error("message: over the size limit in welcome.limits")]
     MessageTooLong,
@@ -59,8 +56,6 @@ pub(crate) enum CloseReason {
     DeviceLost,
     #[error("{0}")]
     Renderer(#[from] RendererError),
-    #[error("{}", .0.detail())]
-    Refused(ApiError),
     #[error("the server is stopping; come back")]
     Stopping,
     #[error("the server failed; its log tells why")]
@@ -87,13 +82,12 @@ impl CloseReason {
             | Self::RepeatedlyMalformed => close::MALFORMED,
             Self::HelloVersion => close::VERSION,
             Self::ResumedTooSoon { .. } | Self::TooManyMessages | Self::TooManyInputs => close::RATE,
-            Self::NoSession => close::NO_SESSION,
-            Self::SessionFull(_) | Self::Internal => close::TRY_LATER,
+            Self::Internal => close::TRY_LATER,
             Self::Superseded => close::SUPERSEDED,
             Self::SessionEnded | Self::ViewClosed => close::ENDED,
             Self::DeviceLost => close::GPU_LOST,
             Self::Renderer(error) => code_of_renderer(error),
-            Self::Refused(error) => code_of_problem(error),
+            Self::NotJoined(error) => code_of_domain(error),
             Self::Stopping => close::RESTART,
             Self::Overflow(_) | Self::Gone => return None,
         })
@@ -122,22 +116,11 @@ fn code_of_renderer(error: &RendererError) -> u16 {
     }
 }
 
-/// The close code of an error that HTTP would answer with a problem.
-fn code_of_problem(error: &ApiError) -> u16 {
-    match error.code() {
-        "gpu_memory" | "scene_too_large" | "unsupported" => close::NO_CAPACITY,
-        "not_found" => close::NO_SESSION,
+fn code_of_domain(error: &DomainError) -> u16 {
+    match error {
+        DomainError::Renderer(error) => code_of_renderer(error),
+        DomainError::UnknownSession | DomainError::UnknownScene => close::NO_SESSION,
         _ => close::TRY_LATER,
-    }
-}
-
-impl From<JoinError> for CloseReason {
-    fn from(error: JoinError) -> Self {
-        match error {
-            JoinError::Unknown => Self::NoSession,
-            JoinError::Full(limit) => Self::SessionFull(limit),
-            JoinError::Refused(error) => Self::Refused(error),
-        }
     }
 }
 

@@ -17,6 +17,8 @@ use futures_util::stream::SplitStream;
 use surfelcast_protocol::client::Hello;
 use surfelcast_protocol::server::{NoticeKind, ServerMessage};
 use surfelcast_renderer::{DeviceState, Frame, RendererStatus, ViewState};
+use surfelcast_review::Edit;
+use surfelcast_review::text::clean_name;
 use tokio::sync::{broadcast, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -34,9 +36,9 @@ use crate::live::sent_log::ContainedInput;
 use crate::live::view::{EncodeError, View, ViewEvent};
 use crate::live::view_settings::ViewSettings;
 use crate::live::welcome::welcome;
+use crate::random_id::random_id;
 use crate::sessions::Member;
 use crate::state::ServiceState;
-use crate::text::{clean_name, random_id};
 
 /// A frame being encoded when the server drains may take this long.
 const DRAIN_PATIENCE: Duration = Duration::from_secs(1);
@@ -87,7 +89,7 @@ impl<'a> Connection<'a> {
         let resumable = watch::Sender::new(settings.clone());
         let superseded = CancellationToken::new();
         let entry = Resumable {
-            session: member.live.meta.session_id().to_owned(),
+            session: member.live.id().to_string(),
             settings: resumable.subscribe(),
             superseded: superseded.clone(),
         };
@@ -160,7 +162,7 @@ impl<'a> Connection<'a> {
     fn welcome(&self) -> Result<(), CloseReason> {
         let live = &self.member.live;
         let welcome = welcome(&self.state, live, &self.token);
-        tracing::info!(conn = welcome.conn, client = %self.client, scene = %live.meta.name, "connected");
+        tracing::info!(conn = welcome.conn, client = %self.client, scene = %live.record.name, "connected");
         self.outbox.control(&ServerMessage::Welcome(Box::new(welcome)))?;
         self.outbox.control(&live.lights_message())?;
         Ok(())
@@ -243,7 +245,7 @@ impl<'a> Connection<'a> {
                 self.settings_changed();
                 Ok(())
             }
-            Effect::LightEdit(edit) => self.edit_lights(&edit, now),
+            Effect::LightEdit(edit) => self.edit_lights(edit, now),
             Effect::StillWanted => self.outbound.on_still(now).map(|request| self.view.encode(request)),
             Effect::Refused(refusal) => Err(refusal),
         };
@@ -255,9 +257,8 @@ impl<'a> Connection<'a> {
         Ok(())
     }
 
-    fn edit_lights(&mut self, edit: &LightEdit, now: Duration) -> Result<(), Refusal> {
-        let max_lights = self.state.config().limits.max_lights;
-        self.member.live.edit_lights(&edit.patch, max_lights).map_err(Refusal::invalid)?;
+    fn edit_lights(&mut self, edit: LightEdit, now: Duration) -> Result<(), Refusal> {
+        self.member.live.edit(&Edit::Lights(*edit.patch)).map_err(Refusal::invalid)?;
         metrics::counter!("surfelcast_inputs_total", "kind" => "light").increment(1);
         self.inbound.light_edited(edit.seq, now);
         self.outbound.on_input(now);
@@ -367,7 +368,7 @@ fn settings_of(
     status: &RendererStatus,
 ) -> Result<ViewSettings, CloseReason> {
     let resumed = match &hello.resume {
-        Some(token) => state.resume().take(token, member.live.meta.session_id()).map_err(|TooSoon| {
+        Some(token) => state.resume().take(token, member.live.id().as_str()).map_err(|TooSoon| {
             CloseReason::ResumedTooSoon { least_ms: state.config().timeouts.reconnect.as_millis() }
         })?,
         None => None,

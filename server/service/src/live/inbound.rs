@@ -12,14 +12,15 @@ use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::parse::{ParseError, parse_client};
 use surfelcast_protocol::settings::{Codec, LightPatch};
 use surfelcast_renderer::scene::Camera;
+use surfelcast_review::number::within;
 
+use crate::camera::camera;
 use crate::live::close::CloseReason;
 use crate::live::input_log::InputLog;
 use crate::live::points::PointQuestion;
 use crate::live::rate::TokenBucket;
 use crate::live::refusal::{Refusal, check_view};
 use crate::live::view_settings::ViewSettings;
-use crate::validate::{camera, within};
 
 /// Malformed messages that end a connection.
 const MAX_MALFORMED: u32 = 3;

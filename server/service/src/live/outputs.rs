@@ -2,8 +2,7 @@
 
 use surfelcast_protocol::server::OutputInfo;
 use surfelcast_renderer::{Aov, SurfelOutput};
-
-use crate::validate::Checked;
+use surfelcast_review::ReviewError;
 
 /// Everything a view can show live, in the renderer's order.
 pub(crate) fn live() -> impl Iterator<Item = (&'static str, Aov)> {
@@ -16,11 +15,11 @@ pub(crate) fn offered() -> Vec<OutputInfo> {
 }
 
 /// The live output of that name; the refusal lists those there are.
-pub(crate) fn live_by_name(field: &str, name: &str) -> Checked<Aov> {
+pub(crate) fn live_by_name(field: &str, name: &str) -> Result<Aov, ReviewError> {
     live().find(|(known, _)| *known == name).map(|(_, aov)| aov).ok_or_else(|| {
         let names: Vec<&str> = live().map(|(name, _)| name).collect();
         let why = if Aov::by_name(name).is_some() { "only a batch render has that output; " } else { "" };
-        format!("{field}: {why}a view shows null (radiance) or one of {}", names.join(", "))
+        ReviewError::invalid(field, format!("{why}a view shows null (radiance) or one of {}", names.join(", ")))
     })
 }
 
@@ -72,9 +71,9 @@ mod tests {
     #[test]
     fn refusals_tell_batch_outputs_from_none() {
         assert_eq!(live_by_name("aov", "normal"), Ok(Aov::Normal));
-        let batch = live_by_name("aov", "variance").expect_err("batch only");
+        let batch = live_by_name("aov", "variance").expect_err("batch only").to_string();
         assert!(batch.starts_with("aov: only a batch render") && batch.contains("surfel_coverage"), "{batch}");
-        let none = live_by_name("aov", "soul").expect_err("no such output");
+        let none = live_by_name("aov", "soul").expect_err("no such output").to_string();
         assert!(none.starts_with("aov: a view shows null") && !none.contains("variance,"), "{none}");
     }
 }

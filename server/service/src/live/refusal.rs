@@ -1,6 +1,7 @@
 //! Refusals of single requests; the connection stays.
 
 use surfelcast_protocol::server::ServerMessage;
+use surfelcast_review::ReviewError;
 
 /// The one view of a connection.
 const VIEW: u16 = 0;
@@ -17,9 +18,9 @@ impl Refusal {
         Self { code, detail: detail.into() }
     }
 
-    /// A field has a value that it cannot have; `detail` begins with the field's name.
-    pub(crate) fn invalid(detail: String) -> Self {
-        Self::new("invalid_value", detail)
+    /// A field has a value that it cannot have.
+    pub(crate) fn invalid(error: ReviewError) -> Self {
+        Self::new("invalid_value", error)
     }
 
     /// Other work must end first.

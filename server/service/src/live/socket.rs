@@ -137,6 +137,6 @@ async fn receive_hello(
     if hello.caps.codecs.is_empty() {
         return Err(CloseReason::HelloCodecs);
     }
-    let member = state.sessions().join(state, session).await?;
+    let member = state.sessions().join(session).await?;
     Ok((hello, member))
 }

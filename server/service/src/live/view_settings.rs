@@ -5,10 +5,11 @@ use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::scene::{Camera, Scene};
 use surfelcast_renderer::{Aov, ViewState};
+use surfelcast_review::ReviewError;
+use surfelcast_review::number::{EXPOSURE, view_size, within};
 use surfelcast_stream::QualityLimits;
 
 use crate::live::outputs::live_by_name;
-use crate::validate::{Checked, EXPOSURE, view_size, within};
 
 /// Size of a view whose client has not stated one.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
@@ -79,7 +80,7 @@ impl ViewSettings {
         limits: &Limits,
         techniques: &[&str],
         offered: &[Codec],
-    ) -> Checked<()> {
+    ) -> Result<(), ReviewError> {
         let mut next = self.clone();
         next.size = view_size([set.w.unwrap_or(next.size[0]), set.h.unwrap_or(next.size[1])], limits)?;
         if let Some(quality) = set.min_q {
@@ -89,14 +90,14 @@ impl ViewSettings {
             next.quality.max_quality = within("max_q", quality, 1, 100)?;
         }
         if next.quality.min_quality > next.quality.max_quality {
-            return Err("min_q: must not be above max_q".into());
+            return Err(ReviewError::invalid("min_q", "must not be above max_q"));
         }
         if let Some(fps) = set.fps {
             next.quality.frames_per_sec = within("fps", fps, 1, 120)?;
         }
         if let Some(codec) = set.codec {
             if !offered.contains(&codec) {
-                return Err("codec: not among the codecs offered in hello".into());
+                return Err(ReviewError::invalid("codec", "not among the codecs offered in hello"));
             }
             next.codec = Some(codec);
         }
@@ -108,7 +109,7 @@ impl ViewSettings {
         }
         if let Some(technique) = &set.technique {
             if !techniques.contains(&technique.as_str()) {
-                return Err(format!("technique: must be one of {}", techniques.join(", ")));
+                return Err(ReviewError::invalid("technique", format!("must be one of {}", techniques.join(", "))));
             }
             next.technique.clone_from(technique);
         }
@@ -148,7 +149,7 @@ impl ViewSettings {
 mod tests {
     use super::*;
 
-    fn apply(set: &ViewSet) -> Checked<ViewSettings> {
+    fn apply(set: &ViewSet) -> Result<ViewSettings, ReviewError> {
         let mut settings = ViewSettings::default();
         settings.apply(set, &Limits::default(), &["path"], &[Codec::Jpeg])?;
         Ok(settings)
@@ -202,7 +203,7 @@ mod tests {
             (ViewSet { max_spp: Some(0), ..base() }, "max_spp"),
         ];
         for (set, field) in bad {
-            let error = apply(&set).expect_err(field);
+            let error = apply(&set).expect_err(field).to_string();
             assert!(error.starts_with(field), "{error}");
         }
     }

@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use surfelcast_protocol::server::{SessionInfo, TechniqueInfo, Welcome};
 use surfelcast_protocol::settings::NamedPose;
 
+use crate::camera::pose_of;
 use crate::sessions::Live;
 use crate::state::ServiceState;
-use crate::validate::pose_of;
 
 /// Everything that a client must know before its first frame. `token` resumes its view.
 pub(crate) fn welcome(state: &ServiceState, live: &Live, token: &str) -> Welcome {
@@ -29,12 +29,12 @@ pub(crate) fn welcome(state: &ServiceState, live: &Live, token: &str) -> Welcome
         v: surfelcast_protocol::VERSION,
         conn: format!("c{}", CONNECTIONS.fetch_add(1, Ordering::Relaxed)),
         session: SessionInfo {
-            id: live.meta.session_id().to_owned(),
-            scene: live.meta.id.clone(),
-            scene_name: live.meta.name.clone(),
+            id: live.id().to_string(),
+            scene: live.record.id.clone(),
+            scene_name: live.record.name.clone(),
             scene_rev: live.revision(),
             epoch: status.epoch,
-            triangle_count: live.meta.triangle_count,
+            triangle_count: live.record.triangle_count,
         },
         limits: config.limits,
         techniques: status.techniques.iter().map(technique).collect(),
@@ -42,7 +42,7 @@ pub(crate) fn welcome(state: &ServiceState, live: &Live, token: &str) -> Welcome
         cameras: scene.cameras.iter().map(named).collect(),
         center: (scene.origin + scene.bounds.center().as_dvec3()).to_array(),
         radius: f64::from(scene.bounds.radius()),
-        warnings: live.meta.warnings.clone(),
+        warnings: live.record.warnings.clone(),
         server_ms: state.server_ms(),
         resume_token: token.to_owned(),
         grace_ms: config.timeouts.resume.as_millis() as u32,

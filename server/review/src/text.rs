@@ -1,10 +1,10 @@
 //! Text that strangers wrote and people will read.
 
-/// Longest name of a scene, a light or a client.
-pub(crate) const MAX_NAME: usize = 128;
+/// Longest name of a scene, a light or a client, characters.
+pub const MAX_NAME: usize = 128;
 
 /// Drops control characters and the marks that reorder text on screen, and cuts at [`MAX_NAME`] characters.
-pub(crate) fn clean_name(name: &str) -> String {
+pub fn clean_name(name: &str) -> String {
     let is_plain = |c: &char| {
         !c.is_control()
             && !matches!(c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
@@ -12,25 +12,13 @@ pub(crate) fn clean_name(name: &str) -> String {
     name.trim().chars().filter(is_plain).take(MAX_NAME).collect()
 }
 
-/// Random identifier: 32 hex digits from the operating system's generator.
-pub(crate) fn random_id() -> Result<String, getrandom::Error> {
-    let mut bytes = [0u8; 16];
-    getrandom::fill(&mut bytes)?;
-    Ok(hex::encode(bytes))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn names_lose_what_misleads() {
+    fn misleading_characters_are_dropped() {
         assert_eq!(clean_name("  a\u{202e}gnp.exe\n\u{0}b "), "agnp.exeb");
         assert_eq!(clean_name(&"x".repeat(1000)).len(), MAX_NAME);
-    }
-
-    #[test]
-    fn identifiers_differ() {
-        assert_ne!(random_id().ok(), random_id().ok());
     }
 }

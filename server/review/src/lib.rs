@@ -1,0 +1,14 @@
+//! The domain: sessions, what people edit in them, and the checks that every value passes before it is accepted.
+//!
+//! Nothing here waits, reads a clock or does I/O. A session takes an edit and either refuses it, changing nothing, or
+//! applies all of it and numbers it; who sends the edit, who is told, and when, is the caller's business.
+
+pub mod error;
+pub mod lights;
+pub mod number;
+pub mod session;
+pub mod text;
+
+pub use error::ReviewError;
+pub use lights::LightSet;
+pub use session::{Edit, Session, SessionId};
