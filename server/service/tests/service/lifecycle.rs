@@ -69,7 +69,7 @@ async fn a_view_can_be_taken_up_again() {
     assert_eq!(service.fake.count(|t| *t == Recorded::Shows(Some(Aov::Normal))), 2, "and shows what it showed");
     second.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
     assert_eq!(second.text("picked").await["position"][0], 6.0);
-    // A used token is worth nothing; the client simply starts anew.
+    // A used token resumes nothing; the client begins with the view of the scene.
     let mut third = service.connect().await;
     third.send(resume(token)).await;
     third.text("welcome").await;
