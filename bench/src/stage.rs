@@ -4,24 +4,18 @@
 //! its cache may have been used by another camera before, and nothing else runs, so techniques are stepped directly, with
 //! the same step budgets.
 
-use std::time::Instant;
-
-use surfelcast_gpu::{Buffer, Gpu, PassTime};
+use surfelcast_gpu::{Buffer, Gpu};
 use surfelcast_measure::{Image, Mode};
-use surfelcast_passes::merge_passes;
-use surfelcast_passes::step::StepBudget;
-use surfelcast_renderer::Pace;
+use surfelcast_renderer::Throughput;
+use surfelcast_renderer::progressive::{Cost, MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::technique::{Technique, TechniqueOptions};
+use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
     Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,
     registry,
 };
 
 use surfelcast::Failure;
-
-/// Largest batch, as batch renders have it.
-const MAX_BATCH: u32 = 64;
 
 /// A scene on the device, and how images of it are made.
 pub(crate) struct Stage<'a> {
@@ -34,34 +28,11 @@ pub(crate) struct Stage<'a> {
     pub(crate) exposure: f32,
 }
 
-/// What an image has cost so far.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Cost {
-    /// Wall time of rendering, without reading images back and without audits.
-    pub(crate) secs: f64,
-    /// Sum over passes, as measured on the device.
-    pub(crate) gpu_secs: f64,
-    /// Primary, secondary, shadow.
-    pub(crate) rays: [u64; 3],
-    pub(crate) non_finite: u64,
-    pub(crate) passes: Vec<PassTime>,
-}
-
-impl Cost {
-    /// Device time of passes whose names begin with `prefix`.
-    pub(crate) fn gpu_secs_of(&self, prefix: &str) -> f64 {
-        self.passes.iter().filter(|pass| pass.name.starts_with(prefix)).map(|pass| pass.gpu_ms * 1e-3).sum()
-    }
-}
-
 /// An image that accumulates samples.
 pub(crate) struct Shot<'a> {
     stage: &'a Stage<'a>,
-    technique: Box<dyn Technique>,
+    progressive: Progressive,
     view: FrameView,
-    audit: Option<Audit>,
-    pace: Pace,
-    pub(crate) cost: Cost,
 }
 
 impl<'a> Stage<'a> {
@@ -99,50 +70,45 @@ impl<'a> Stage<'a> {
             surfel,
         };
         let technique = (entry.create)(self.gpu, &self.buffers, &self.lights, session, options)?;
-        let audit = match self.mode {
-            // The audit judges radiance.
-            Mode::Indirect => None,
-            Mode::Pbr | Mode::Lambert => Some(Audit::new(self.gpu, technique.features(), self.size, seed)?),
-        };
-        Ok(Shot {
-            stage: self,
-            technique,
-            view: FrameView { camera, size: self.size, exposure: self.exposure },
-            audit,
-            pace: Pace::default(),
-            cost: Cost::default(),
-        })
+        let features = technique.features();
+        let mut progressive = Progressive::new(technique, Throughput::default());
+        // The audit judges radiance.
+        if self.mode != Mode::Indirect {
+            progressive.set_audit(Audit::new(self.gpu, features, self.size, seed)?);
+        }
+        let view = FrameView { camera, size: self.size, exposure: self.exposure };
+        Ok(Shot { stage: self, progressive, view })
+    }
+
+    fn on_device(&self) -> SceneOnDevice<'_> {
+        SceneOnDevice { gpu: self.gpu, scene: &self.buffers, lights: &self.lights }
     }
 }
 
 impl Shot<'_> {
     /// Renders until the image has `samples` per pixel or has cost `limit_secs`. Returns whether it has the samples.
     pub(crate) fn render(&mut self, samples: u32, limit_secs: f64) -> Result<bool, Failure> {
-        let Stage { gpu, buffers, lights, .. } = self.stage;
-        while self.technique.samples() < samples {
-            if self.cost.secs >= limit_secs {
+        let until = Until { samples, max_batch: MAX_JOB_BATCH };
+        while self.progressive.samples() < samples {
+            if self.cost().secs >= limit_secs {
                 return Ok(false);
             }
-            let budget = StepBudget { max_paths: self.pace.step_paths(), until_samples: samples, max_batch: MAX_BATCH };
-            let started = Instant::now();
-            let step = self.technique.step(gpu, buffers, lights, &self.view, budget)?;
-            let elapsed = started.elapsed();
-            self.pace.measure(step.paths, elapsed);
-            self.cost.secs += elapsed.as_secs_f64();
-            self.cost.gpu_secs += step.passes.iter().map(|pass| pass.gpu_ms * 1e-3).sum::<f64>();
-            self.cost.rays.iter_mut().zip(step.rays).for_each(|(sum, count)| *sum += count);
-            self.cost.non_finite += step.non_finite;
-            merge_passes(&mut self.cost.passes, step.passes);
+            self.progressive.advance(self.stage.on_device(), &self.view, until)?;
         }
         Ok(true)
     }
 
+    /// What the image has cost so far, without reading it back and without audits.
+    pub(crate) fn cost(&self) -> &Cost {
+        self.progressive.cost()
+    }
+
     /// The current image, in the stage's mode.
     pub(crate) fn image(&self) -> Result<Image, Failure> {
-        let buffer = match (self.stage.mode, self.technique.split()) {
+        let buffer = match (self.stage.mode, self.progressive.technique().split()) {
             (Mode::Indirect, Some((_, irradiance))) => irradiance,
             (Mode::Indirect, None) => return Err(Failure::input("the technique does not keep indirect light apart")),
-            _ => self.technique.picture(),
+            _ => self.progressive.technique().picture(),
         };
         let pixels =
             read_pixels(self.stage.gpu, buffer)?.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect();
@@ -151,15 +117,12 @@ impl Shot<'_> {
 
     /// The renderer's own estimate of the error; nothing for outputs other than radiance.
     pub(crate) fn audit(&mut self) -> Result<Option<AuditResult>, Failure> {
-        let Stage { gpu, buffers, lights, exposure, .. } = self.stage;
-        let Some(audit) = &mut self.audit else { return Ok(None) };
-        let (picture, samples) = (self.technique.picture(), self.technique.samples());
-        Ok(Some(audit.run(gpu, buffers, lights, &self.view, picture, samples, *exposure)?))
+        Ok(self.progressive.audit(self.stage.on_device(), &self.view)?)
     }
 
     /// Live surfels, for techniques with surfels.
     pub(crate) fn surfels(&self) -> Option<u32> {
-        self.technique.surfels().map(|[live, _]| live)
+        self.progressive.technique().surfels().map(|[live, _]| live)
     }
 }
 

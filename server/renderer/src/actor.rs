@@ -217,9 +217,9 @@ impl Actor {
     ) -> Result<Option<Inspection>, RendererError> {
         let Some(gpu) = self.gpu.clone() else { return Err(RendererError::DeviceLost) };
         let Some(session) = self.sessions.get_mut(&key) else { return Err(RendererError::Unknown("the session")) };
-        let (scene, lights, shared) = session.on_device(&gpu, &mut self.store)?;
+        let (on, shared) = session.on_device(&gpu, &mut self.store)?;
         let Some(cache) = shared.surfels() else { return Ok(None) };
-        inspection::inspect(&gpu, scene, lights, &cache.lock(), FrameView { camera, size, exposure: 1.0 }, point)
+        inspection::inspect(&gpu, on.scene, on.lights, &cache.lock(), FrameView { camera, size, exposure: 1.0 }, point)
     }
 
     fn submit(&mut self, job: SubmittedJob) {
@@ -267,7 +267,7 @@ impl Actor {
         };
         let scene_rev = session.scene_rev;
         let on_device = session.on_device(&gpu, &mut self.store);
-        let result = on_device.and_then(|(scene, lights, shared)| view.step(&gpu, scene, lights, shared, scene_rev));
+        let result = on_device.and_then(|(on, shared)| view.step(on, shared, scene_rev));
         self.ray_count += view.take_rays();
         match result {
             Ok(is_frame) => self.frame_count += u64::from(is_frame),

@@ -4,16 +4,17 @@
 //! command channel is bounded, and reads frames from newest-wins [`FrameSlot`]s.
 
 mod actor;
+mod audit_schedule;
 pub mod command;
 pub mod config;
-mod convergence;
 mod device_life;
 mod error;
 pub mod handle;
 pub mod inspection;
 pub mod job;
 pub mod lights;
-mod pace;
+pub mod progressive;
+mod refinement;
 mod running_job;
 mod running_view;
 mod scenes;
@@ -22,7 +23,9 @@ mod session;
 pub mod slot;
 mod snapshots;
 pub mod status;
+mod stop;
 mod submitted_job;
+mod throughput;
 pub mod view;
 
 pub use surfelcast_scene as scene;
@@ -38,7 +41,8 @@ pub use job::{
     Reconstruction, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
 };
 pub use lights::SessionLights;
-pub use pace::Pace;
+pub use progressive::Progressive;
 pub use slot::FrameSlot;
 pub use status::{DeviceInfo, DeviceState, RendererStatus};
+pub use throughput::Throughput;
 pub use view::{Frame, FrameKind, ViewState};

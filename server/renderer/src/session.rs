@@ -8,6 +8,7 @@ use surfelcast_scene::Scene;
 use surfelcast_techniques::{Change, LightBuffers, LightState, SceneBuffers, SessionState};
 
 use crate::error::RendererError;
+use crate::progressive::SceneOnDevice;
 use crate::scenes::SceneStore;
 use crate::snapshots;
 
@@ -49,12 +50,12 @@ impl Session {
         self.shared.invalidate(Change::Lights);
     }
 
-    /// Scene and lights on the device, uploaded if need be.
-    pub(crate) fn on_device(
-        &mut self,
-        gpu: &Gpu,
+    /// Scene and lights on the device, uploaded if need be, and what the session's views share.
+    pub(crate) fn on_device<'a>(
+        &'a mut self,
+        gpu: &'a Gpu,
         store: &mut SceneStore,
-    ) -> Result<(&Arc<SceneBuffers>, &LightBuffers, &SessionState), RendererError> {
+    ) -> Result<(SceneOnDevice<'a>, &'a SessionState), RendererError> {
         let (scene, lights) = match &mut self.on_device {
             Some(on_device) => on_device,
             none => {
@@ -63,7 +64,7 @@ impl Session {
                 none.insert((scene, lights))
             }
         };
-        Ok((scene, lights, &self.shared))
+        Ok((SceneOnDevice { gpu, scene, lights }, &self.shared))
     }
 
     /// The device is gone, and what was on it.

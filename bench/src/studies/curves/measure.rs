@@ -3,10 +3,11 @@
 use surfelcast::Failure;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Image, flip, split_error};
+use surfelcast_renderer::progressive::Cost;
 use surfelcast_techniques::SessionState;
 
 use crate::report::Origin;
-use crate::stage::{Cost, Stage, camera_aside};
+use crate::stage::{Stage, camera_aside};
 use crate::studies::curves::case::{Case, Truth};
 use crate::studies::curves::curve::{Curve, Key, Point};
 use crate::studies::curves::variant::Start;
@@ -62,7 +63,7 @@ pub(super) fn measure(
                 break;
             }
             let audited = shot.audit()?.map(|audit| [audit.mse, audit.mse_std_error]);
-            let (image, cost, surfels) = (shot.image()?, shot.cost.clone(), shot.surfels());
+            let (image, cost, surfels) = (shot.image()?, shot.cost().clone(), shot.surfels());
             observations.push(Observation { image, cost, audited, surfels });
         }
         let memory = gpu.memory();

@@ -6,7 +6,8 @@ use indicatif::ProgressBar;
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::poisson::{PoissonSettings, Preconditioner, Solver, Start};
-use surfelcast_passes::step::StepBudget;
+use surfelcast_renderer::Throughput;
+use surfelcast_renderer::progressive::{MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
@@ -168,6 +169,19 @@ fn unblur(gpu: &Gpu, size: [u32; 2], sigma: f64) -> Result<Vec<Observed>, Failur
     Ok(observed)
 }
 
+/// Renders until there are this many samples a pixel.
+fn render<T: Technique + ?Sized>(
+    progressive: &mut Progressive<T>,
+    on: SceneOnDevice<'_>,
+    view: &FrameView,
+    samples: u32,
+) -> Result<(), Failure> {
+    while progressive.samples() < samples {
+        progressive.advance(on, view, Until { samples, max_batch: MAX_JOB_BATCH })?;
+    }
+    Ok(())
+}
+
 /// Gradient-domain path tracing, reconstructed in several ways.
 fn trace_paths(gpu: &Gpu, key: &Key) -> Result<Vec<Observed>, Failure> {
     let scene = scene_file::load(Path::new(SCENE), None, None)?;
@@ -185,17 +199,12 @@ fn trace_paths(gpu: &Gpu, key: &Key) -> Result<Vec<Observed>, Failure> {
         waits_for_kernels: true,
         surfel: SurfelSettings::default(),
     };
-    let render = |technique: &mut dyn Technique, samples: u32| -> Result<(), Failure> {
-        while technique.samples() < samples {
-            let budget = StepBudget { max_paths: 1 << 14, until_samples: samples, max_batch: 64 };
-            technique.step(gpu, &buffers, &lights, &frame, budget)?;
-        }
-        Ok(())
-    };
+    let on = SceneOnDevice { gpu, scene: &buffers, lights: &lights };
     let path = registry::by_id("path").ok_or_else(|| Failure::runtime("path tracing is missing"))?;
-    let mut truth = (path.create)(gpu, &buffers, &lights, &SessionState::default(), options(99))?;
-    render(truth.as_mut(), key.truth_samples)?;
-    let truth = tone_mapped(&read_pixels(gpu, truth.picture())?);
+    let truth = (path.create)(gpu, &buffers, &lights, &SessionState::default(), options(99))?;
+    let mut truth = Progressive::new(truth, Throughput::default());
+    render(&mut truth, on, &frame, key.truth_samples)?;
+    let truth = tone_mapped(&read_pixels(gpu, truth.technique().picture())?);
 
     let plain = Solver::GaussSeidel { relaxation: 1.0 };
     let starts = [
@@ -204,10 +213,12 @@ fn trace_paths(gpu: &Gpu, key: &Key) -> Result<Vec<Observed>, Failure> {
         ("Gaussian", Start::Gaussian { sigma: FIXED_SIGMA }),
     ];
     let mut observed = Vec::new();
-    let mut tracer = GradientTracer::new(gpu, &buffers, &lights, options(1), Reconstruction::None)?;
+    let tracer = GradientTracer::new(gpu, &buffers, &lights, options(1), Reconstruction::None)?;
+    let mut progressive = Progressive::new(Box::new(tracer), Throughput::default());
     let mut samples = 1;
     while samples <= key.samples {
-        render(&mut tracer, samples)?;
+        render(&mut progressive, on, &frame, samples)?;
+        let tracer = progressive.technique();
         let value = read_pixels(gpu, tracer.values())?;
         let directly = read_pixels(gpu, tracer.seen())?;
         let problem = OnDevice::new(

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use surfelcast::Failure;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::Mode;
+use surfelcast_renderer::progressive::Cost;
 use surfelcast_scene::Scene;
 use surfelcast_techniques::{SessionState, SurfelSettings};
 
-use crate::stage::{Cost, Shot, Stage};
+use crate::stage::{Shot, Stage};
 use crate::studies::scale::scene::camera;
 use crate::studies::scale::second_camera;
 
@@ -122,9 +123,9 @@ fn median_frame(shot: &mut Shot<'_>, before: u32, frames: u32) -> Result<Cost, F
     let mut costs = Vec::new();
     shot.render(before, f64::INFINITY)?;
     for frame in 1..=frames {
-        let cost = shot.cost.clone();
+        let cost = shot.cost().clone();
         shot.render(before + frame, f64::INFINITY)?;
-        costs.push(between(&cost, &shot.cost));
+        costs.push(between(&cost, shot.cost()));
     }
     let over = |value: &dyn Fn(&Cost) -> f64| median(costs.iter().map(value).collect());
     let names = costs.last().map(|cost| cost.passes.clone()).unwrap_or_default();

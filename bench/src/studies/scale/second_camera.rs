@@ -38,17 +38,17 @@ const OBSERVED: Duration = Duration::from_secs(2);
 /// GPU milliseconds and rays of the cache over some frames, by frame.
 fn first_frames(shot: &mut Shot<'_>, frames: u32) -> Result<[f64; 2], Failure> {
     shot.render(frames, f64::INFINITY)?;
-    Ok([shot.cost.gpu_secs * 1e3, shot.cost.rays[1] as f64].map(|sum| sum / f64::from(frames)))
+    Ok([shot.cost().gpu_secs * 1e3, shot.cost().rays[1] as f64].map(|sum| sum / f64::from(frames)))
 }
 
 /// Continues until the cache requests few rays; returns the number of frames that took.
 fn converge(shot: &mut Shot<'_>, frames: u32, rays_at_first: f64) -> Result<u32, Failure> {
     let mut samples = frames;
     while samples < MOST_FRAMES {
-        let before = shot.cost.rays[1];
+        let before = shot.cost().rays[1];
         samples += frames;
         shot.render(samples, f64::INFINITY)?;
-        if ((shot.cost.rays[1] - before) as f64) < CONVERGED_SHARE * rays_at_first * f64::from(frames) {
+        if ((shot.cost().rays[1] - before) as f64) < CONVERGED_SHARE * rays_at_first * f64::from(frames) {
             break;
         }
     }
