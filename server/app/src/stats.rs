@@ -60,7 +60,7 @@ impl<'a> Stats<'a> {
         Self {
             device,
             scene: SceneStats {
-                id: scene.id.to_string(),
+                id: scene.key().to_string(),
                 name: &scene.name,
                 summary: scene.summary,
                 warnings: &scene.warnings,

@@ -2,30 +2,12 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_scene::lights::AliasTable;
-use surfelcast_scene::{Environment, EnvironmentMap, PunctualKind, PunctualLight, Scene};
+use surfelcast_scene::{Environment, EnvironmentMap, LightState, PunctualKind, PunctualLight, Scene};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{AliasEntry, PunctualRecord};
 
 /// Share of the choice that is uniform over all lights, so that no light is starved by a brighter one far away.
 const UNIFORM_SHARE: f32 = 0.1;
-
-/// What a session may change about light.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightState {
-    /// Punctual lights, scene space.
-    pub punctual: Vec<PunctualLight>,
-    /// Factor on the environment.
-    pub environment_strength: f32,
-    /// Factor on emissive surfaces.
-    pub emissive_strength: f32,
-}
-
-impl LightState {
-    /// The scene's own lights.
-    pub fn of_scene(scene: &Scene) -> Self {
-        Self { punctual: scene.punctual_lights.clone(), environment_strength: 1.0, emissive_strength: 1.0 }
-    }
-}
 
 /// Lights in device memory, one set for each session.
 #[derive(Debug)]

@@ -96,7 +96,7 @@ pub struct RequestLimits {
 /// What a scene says about how it is seen.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDefaults {
-    /// Scene id.
+    /// Scene in its state ([`surfelcast_scene::SceneKey`]).
     pub id: String,
     /// Its cameras, the default first.
     pub cameras: Vec<CameraDefaults>,
@@ -124,7 +124,7 @@ impl SceneDefaults {
             size: named.resolution,
             exposure: scene.exposure_for(&named.name),
         });
-        Self { id: scene.id.0.clone(), cameras: cameras.collect() }
+        Self { id: scene.key().to_string(), cameras: cameras.collect() }
     }
 }
 

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use surfelcast_gpu::Gpu;
-use surfelcast_scene::{Scene, SceneId};
+use surfelcast_scene::{Scene, SceneKey};
 use surfelcast_techniques::SceneBuffers;
 
 use crate::error::RendererError;
 
-/// Uploaded scenes by id.
+/// Uploaded scenes by id and state.
 #[derive(Debug, Default)]
 pub(crate) struct SceneStore {
-    scenes: BTreeMap<SceneId, Resident>,
+    scenes: BTreeMap<SceneKey, Resident>,
 }
 
 #[derive(Debug)]
@@ -25,19 +25,19 @@ struct Resident {
 impl SceneStore {
     /// The scene's buffers, uploaded if need be. Scenes that nobody uses make room, the longest unused first.
     pub(crate) fn get(&mut self, gpu: &Gpu, scene: &Scene) -> Result<Arc<SceneBuffers>, RendererError> {
-        if let Some(resident) = self.scenes.get_mut(&scene.id) {
+        if let Some(resident) = self.scenes.get_mut(&scene.key()) {
             resident.used_at = Instant::now();
             return Ok(Arc::clone(&resident.buffers));
         }
         self.admit(gpu, scene)?;
         let buffers = Arc::new(SceneBuffers::new(gpu, scene)?);
-        self.scenes.insert(scene.id.clone(), Resident { buffers: Arc::clone(&buffers), used_at: Instant::now() });
+        self.scenes.insert(scene.key(), Resident { buffers: Arc::clone(&buffers), used_at: Instant::now() });
         Ok(buffers)
     }
 
     /// Makes sure that a scene fits, or says why it cannot.
     pub(crate) fn admit(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), RendererError> {
-        if self.scenes.contains_key(&scene.id) {
+        if self.scenes.contains_key(&scene.key()) {
             return Ok(());
         }
         let needed = SceneBuffers::estimate_bytes(scene);

@@ -16,7 +16,7 @@ const ENDING: &str = "surfels";
 
 fn identity(scene: &Scene, lights: &LightState) -> SnapshotIdentity {
     SnapshotIdentity {
-        scene: Sha256::digest(scene.id.0.as_bytes()).into(),
+        scene: Sha256::digest(scene.key().to_string()).into(),
         lights: Sha256::digest(format!("{lights:?}")).into(),
     }
 }

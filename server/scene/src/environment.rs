@@ -8,7 +8,7 @@ use std::sync::Arc;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder};
 
-use crate::load::check::{invalid, within};
+use crate::asset::check::{invalid, within};
 use crate::{SceneError, SceneLimits};
 
 /// Radiance from infinitely far away.

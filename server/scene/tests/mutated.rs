@@ -23,8 +23,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::{Config, FileFailurePersistence, TestRunner};
 use serde_json::{Value, json};
-use surfelcast_scene::view::AnimationRef;
-use surfelcast_scene::{Instant, LoadOptions, glb, load_bytes};
+use surfelcast_scene::{AnimationRef, Instant, LoadOptions, glb, load_bytes};
 
 /// One change to a file.
 #[derive(Clone, Debug)]

@@ -64,7 +64,7 @@ impl SceneLibrary {
     pub(crate) fn open(data_dir: &Path, builtin: Vec<Arc<Scene>>, bounds: Bounds) -> Result<Self, StoreError> {
         let store_bounds = SceneBounds { scenes: bounds.stored_scenes, bytes: bounds.stored_bytes };
         let (files, records) = SceneFiles::open(data_dir.join("scenes"), store_bounds)?;
-        let builtin_order: Vec<String> = builtin.iter().map(|scene| scene.id.to_string()).collect();
+        let builtin_order: Vec<String> = builtin.iter().map(|scene| scene.key().to_string()).collect();
         let stored = records.into_iter().filter_map(|record| SceneEntry::new(record, None));
         let builtin = builtin.into_iter().filter_map(|scene| SceneEntry::new(record_of(&scene, 0, None), Some(scene)));
         // A scene that is both stored and built in counts as built in.
@@ -125,7 +125,7 @@ impl SceneLibrary {
             })
             .await?;
         let scene = Arc::new(loaded?);
-        if scene.id.to_string() != expected {
+        if scene.key().to_string() != expected {
             return Err(DomainError::internal(&format!("stored scene {expected} has changed on disk")));
         }
         *entry.loaded.lock() = Arc::downgrade(&scene);
@@ -183,7 +183,7 @@ impl SceneLibrary {
         self.files.remove(id)?;
         entries.remove(id);
         drop(entries);
-        self.recent.lock().retain(|scene| scene.id.to_string() != id);
+        self.recent.lock().retain(|scene| scene.key().to_string() != id);
         Ok(())
     }
 
@@ -198,7 +198,7 @@ impl SceneLibrary {
 
     fn keep(&self, scene: &Arc<Scene>) {
         let mut recent = self.recent.lock();
-        recent.retain(|kept| kept.id != scene.id);
+        recent.retain(|kept| kept.key() != scene.key());
         recent.push_back(Arc::clone(scene));
         while recent.len() > self.bounds.loaded_scenes.max(1) {
             recent.pop_front();
@@ -212,7 +212,7 @@ impl SceneLibrary {
 
 fn record_of(scene: &Scene, bytes: u64, view: Option<String>) -> SceneRecord {
     SceneRecord {
-        id: scene.id.to_string(),
+        id: scene.key().to_string(),
         name: scene.name.clone(),
         triangle_count: scene.summary.triangle_count,
         cameras: scene.cameras.iter().map(|c| c.name.clone()).collect(),

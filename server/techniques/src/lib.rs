@@ -17,10 +17,11 @@ pub use surfel::{
 pub use surfelcast_passes::audit::{Audit, AuditResult};
 pub use surfelcast_passes::first_surface::FirstSurfaceOutput;
 pub use surfelcast_passes::frame::FrameView;
-pub use surfelcast_passes::lights::{LightBuffers, LightState};
+pub use surfelcast_passes::lights::LightBuffers;
 pub use surfelcast_passes::materials::MaterialMode;
 pub use surfelcast_passes::step::{Step, StepBudget};
 pub use surfelcast_passes::upload::SceneBuffers;
+pub use surfelcast_scene::LightState;
 pub use surfelcast_shaders::constants::SURFEL_FULL_TRUST as FULL_TRUST;
 pub use surfelcast_shaders::records::SurfelContribution;
 pub use technique::{Change, Conformance, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};

@@ -174,7 +174,7 @@ pub(crate) fn run(
             }
             let key = Key {
                 case: case.name.clone(),
-                scene_id: case.scene.id.to_string(),
+                scene_id: case.scene.key().to_string(),
                 size: case.size,
                 variant: variant.clone(),
                 truth: truth.source.clone(),

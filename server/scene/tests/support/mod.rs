@@ -237,3 +237,13 @@ pub(crate) fn check(scene: &Scene) {
         surfelcast_scene::trace::closest_hit(geometry, eye, aim, 0.0, f32::INFINITY);
     }
 }
+
+/// Everything that a scene holds but its identity and how long it took.
+pub(crate) fn contents(scene: &Scene) -> String {
+    let Scene { name, origin, bounds, geometry, materials, textures, emissive_triangles, punctual_lights, .. } = scene;
+    let Scene { environment, view, cameras, node_names, summary, warnings, .. } = scene;
+    format!(
+        "{name:?} {origin:?} {bounds:?} {geometry:?} {materials:?} {textures:?} {emissive_triangles:?} \
+         {punctual_lights:?} {environment:?} {view:?} {cameras:?} {node_names:?} {summary:?} {warnings:?}"
+    )
+}

@@ -190,7 +190,7 @@ fn cache_key(job: &RenderJob, status: &RendererStatus, server: &str) -> String {
     let mut add = |field: &str, value: &dyn std::fmt::Debug| hash.update(format!("{field}={value:?}\n"));
     add("server", &server);
     add("device", &status.device);
-    add("scene", &job.scene.id.0);
+    add("scene", &job.scene.key().to_string());
     let numbers = [job.camera.position, job.camera.target, job.camera.up].map(|v| v.to_array().map(f64::to_bits));
     add("camera", &(numbers, job.camera.vfov.to_bits()));
     add("size", &job.size);

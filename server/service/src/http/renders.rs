@@ -127,7 +127,7 @@ impl RenderInfo {
         Self {
             id: job.id.clone(),
             status,
-            scene: job.spec.scene.id.to_string(),
+            scene: job.spec.scene.key().to_string(),
             width: job.spec.size[0],
             height: job.spec.size[1],
             technique: job.spec.technique.clone(),

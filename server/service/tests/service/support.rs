@@ -92,7 +92,7 @@ impl Service {
     }
 
     pub(crate) fn scene_id(&self) -> String {
-        self.scene.id.to_string()
+        self.scene.key().to_string()
     }
 
     pub(crate) fn session(&self) -> String {

@@ -7,26 +7,8 @@ use std::path::Path;
 use glam::DVec3;
 use serde::Deserialize;
 
-use crate::load::check::{clip, invalid};
-use crate::{Camera, Environment, NamedCamera, SceneError};
-
-/// An instant of an animation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Instant {
-    /// Index or name of the animation.
-    pub animation: AnimationRef,
-    /// Seconds from its start.
-    pub time_secs: f64,
-}
-
-/// How a view file names an animation.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AnimationRef {
-    /// Position in the file.
-    Index(usize),
-    /// Name in the file.
-    Name(String),
-}
+use super::check::{clip, invalid};
+use crate::{AnimationRef, Camera, Environment, Instant, NamedCamera, SceneError};
 
 /// Parsed view file. All fields are optional in the JSON; unknown ones are ignored.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -113,7 +95,7 @@ impl ViewFile {
     /// Parses a view file. Fails on malformed JSON, cameras that span no frame, repeated names, negative radiance or
     /// exposure, and times before the start.
     pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
-        crate::load::check::within("view file bytes", json.len() as u64, MAX_VIEW_BYTES)?;
+        super::check::within("view file bytes", json.len() as u64, MAX_VIEW_BYTES)?;
         let mut deserializer = serde_json::Deserializer::from_slice(json);
         let parsed: ViewJson = serde_path_to_error::deserialize(&mut deserializer)
             .map_err(|error| invalid(clip(&format!("view.{}", error.path())), clip(&error.inner().to_string())))?;

@@ -2,12 +2,12 @@
 
 use glam::{Vec2, Vec3};
 
-use super::primitive::PrimitiveData;
+use crate::asset::primitive::PrimitiveData;
 
 /// Gives every vertex a tangent along the u direction of texture set `uv_set`, averaged over its triangles by angle.
 /// Vertices shared by mirrored and plain texture islands are split, so that each keeps its own bitangent sign; the
 /// originals of the vertices appended for that are returned.
-pub(crate) fn generate(data: &mut PrimitiveData, uv_set: usize) -> Vec<usize> {
+pub(super) fn generate(data: &mut PrimitiveData, uv_set: usize) -> Vec<usize> {
     let Some(uvs) = data.uvs[uv_set].clone() else { return Vec::new() };
     let is_mirrored: Vec<bool> = data.triangles.iter().map(|corners| uv_area(corners, &uvs) < 0.0).collect();
     let doubled = split_mirrored(data, &is_mirrored);

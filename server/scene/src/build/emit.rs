@@ -1,17 +1,19 @@
 //! Writes placed meshes into the scene's arrays and builds the hierarchies over them.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::time::Instant;
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Assembled, Emitter, Inputs, Part, Parts, Placement, Use, field_of, is_emissive};
-use crate::bvh;
+use super::assemble::{Assembled, Emitter, Placed, Rigid};
+use super::bvh;
+use super::deform::normal_matrix;
+use super::placement::{Placement, is_emissive};
+use crate::asset::check::{invalid, within};
+use crate::asset::primitive::PrimitiveData;
+use crate::asset::{Part, SceneAsset};
 use crate::geometry::{SceneGeometry, pack_color, pack_octahedral, pack_tangent};
-use crate::load::check::{invalid, within};
-use crate::load::deform::normal_matrix;
-use crate::load::primitive::PrimitiveData;
 use crate::{AlphaMode, Bounds, BvhTriangle, Geometry, Instance, PackedVertex, SceneError, TriangleRecord};
 
 /// A hierarchy to be built: the triangles of the scene that belong to it.
@@ -24,8 +26,7 @@ struct Group {
 
 /// Geometry under construction.
 pub(super) struct Emit<'a> {
-    inputs: &'a Inputs<'a>,
-    parts: &'a Parts,
+    asset: &'a SceneAsset<'a>,
     origin: DVec3,
     geometry: SceneGeometry,
     /// Position of every vertex in the space of its geometry.
@@ -38,10 +39,9 @@ pub(super) struct Emit<'a> {
 }
 
 impl<'a> Emit<'a> {
-    pub(super) fn new(inputs: &'a Inputs<'a>, parts: &'a Parts, origin: DVec3) -> Self {
+    pub(super) fn new(asset: &'a SceneAsset<'a>, origin: DVec3) -> Self {
         Self {
-            inputs,
-            parts,
+            asset,
             origin,
             geometry: SceneGeometry::default(),
             positions: Vec::new(),
@@ -55,42 +55,40 @@ impl<'a> Emit<'a> {
 
     fn node_name(&mut self, node: usize) -> u32 {
         *self.name_of_node.entry(node).or_insert_with(|| {
-            let name = self.inputs.reader.document.nodes[node].name.clone();
+            let name = self.asset.document.nodes[node].name.clone();
             self.node_names.push(name.unwrap_or_else(|| format!("node {node}")));
             (self.node_names.len() - 1) as u32
         })
     }
 
-    pub(super) fn place(
-        &mut self,
-        instance: &Use<'_>,
-        statics: &BTreeMap<usize, Vec<PrimitiveData>>,
-    ) -> Result<(), SceneError> {
-        let node = self.node_name(instance.placed.node);
-        let world = instance.placed.world;
-        let parts = &self.parts[&instance.mesh];
-        match &instance.placement {
-            Placement::Baked { deformed } => {
-                for (index, part) in parts.iter().enumerate() {
-                    let (data, world_positions) = match deformed {
-                        Some(list) => (&list[index].data, list[index].world_positions.as_deref()),
-                        None => (&statics[&instance.mesh][index], None),
-                    };
-                    let origin = self.origin;
-                    let range = match world_positions {
+    /// Writes one use of a mesh.
+    pub(super) fn place(&mut self, item: &Placed<'_>, rigid: &Rigid<'_>) -> Result<(), SceneError> {
+        let used = &item.used;
+        let node = self.node_name(used.placed.node);
+        let (world, origin) = (used.placed.world, self.origin);
+        let parts = &self.asset.meshes[&used.mesh];
+        match used.placement {
+            Placement::Deformed => {
+                for (part, deformed) in parts.iter().zip(&item.deformed) {
+                    let range = match &deformed.world_positions {
                         Some(positions) => {
-                            self.append(part, data, node, &DMat4::IDENTITY, |v| positions[v] - origin)?
+                            let turn = DMat4::IDENTITY;
+                            self.append(part, &deformed.data, node, &turn, |v| positions[v] - origin)?
                         }
-                        None => self.append(part, data, node, &world, |v| {
-                            world.transform_point3(DVec3::from_array(data.positions[v].map(f64::from))) - origin
-                        })?,
+                        None => self.append_baked(part, &deformed.data, node, &world)?,
                     };
                     self.baked.extend(range);
                 }
             }
+            Placement::Baked => {
+                for (part, data) in parts.iter().zip(&rigid[&used.mesh]) {
+                    let range = self.append_baked(part, data, node, &world)?;
+                    self.baked.extend(range);
+                }
+            }
             Placement::Instanced => {
-                if !self.instanced.contains_key(&instance.mesh) {
-                    let list = &statics[&instance.mesh];
+                if !self.instanced.contains_key(&used.mesh) {
+                    let list = &rigid[&used.mesh];
                     let center = object_center(list);
                     let mut triangles = Vec::new();
                     for (part, data) in parts.iter().zip(list) {
@@ -100,15 +98,29 @@ impl<'a> Emit<'a> {
                         triangles.extend(range);
                     }
                     let group = Group { triangles, placements: Vec::new(), center };
-                    self.instanced.insert(instance.mesh, group);
+                    self.instanced.insert(used.mesh, group);
                 }
-                if let Some(group) = self.instanced.get_mut(&instance.mesh) {
-                    let placed = DMat4::from_translation(-self.origin) * world * DMat4::from_translation(group.center);
+                if let Some(group) = self.instanced.get_mut(&used.mesh) {
+                    let placed = DMat4::from_translation(-origin) * world * DMat4::from_translation(group.center);
                     group.placements.push((placed, node));
                 }
             }
         }
         Ok(())
+    }
+
+    /// Appends one geometry in scene space.
+    fn append_baked(
+        &mut self,
+        part: &Part,
+        data: &PrimitiveData,
+        node: u32,
+        world: &DMat4,
+    ) -> Result<std::ops::Range<u32>, SceneError> {
+        let origin = self.origin;
+        self.append(part, data, node, world, |v| {
+            world.transform_point3(DVec3::from_array(data.positions[v].map(f64::from))) - origin
+        })
     }
 
     /// Appends one geometry; `position` gives vertices in its own space, `turn` is the matrix for normals and tangents.
@@ -120,7 +132,7 @@ impl<'a> Emit<'a> {
         turn: &DMat4,
         position: impl Fn(usize) -> DVec3,
     ) -> Result<std::ops::Range<u32>, SceneError> {
-        let limits = self.inputs.limits;
+        let limits = &self.asset.limits;
         let (vertex_base, triangle_base) = (self.positions.len(), self.geometry.triangles.len());
         let vertices = (vertex_base + data.positions.len()) as u64;
         within("vertices, copies included", vertices, u64::from(limits.max_vertices))?;
@@ -129,7 +141,7 @@ impl<'a> Emit<'a> {
             let p = position(vertex).as_vec3();
             // 1e15 squared twice still fits f32, so areas and distances stay finite
             if !p.is_finite() || p.abs().max_element() > 1e15 {
-                return Err(invalid(field_of(part), "has a vertex farther than 1e15 m from the scene's centre"));
+                return Err(invalid(part.field(), "has a vertex farther than 1e15 m from the scene's centre"));
             }
             self.positions.push(p);
         }
@@ -140,7 +152,7 @@ impl<'a> Emit<'a> {
             .vertices
             .extend((0..data.positions.len()).map(|v| pack_vertex(data, v, normals, linear, is_mirrored)));
 
-        let material = &self.inputs.materials[part.material as usize];
+        let material = &self.asset.materials[part.material as usize];
         let is_light = is_emissive(material);
         self.geometry.geometries.push(Geometry {
             first_triangle: triangle_base as u32,
@@ -174,12 +186,9 @@ impl<'a> Emit<'a> {
     }
 
     /// Builds hierarchies of all groups side by side, then the top level.
-    pub(super) fn finish(
-        mut self,
-        mut warnings: Vec<String>,
-        world: Option<(DVec3, DVec3)>,
-    ) -> Result<Assembled, SceneError> {
-        let started = Instant::now();
+    pub(super) fn finish(mut self, world: Option<(DVec3, DVec3)>) -> Result<Assembled, SceneError> {
+        let started = std::time::Instant::now();
+        let mut warnings = Vec::new();
         let mut groups = Vec::new();
         if !self.baked.is_empty() {
             groups.push(Group {
@@ -264,7 +273,7 @@ impl<'a> Emit<'a> {
         let [v0, v1, v2] = self.corners(triangle).map(|v| v.to_array());
         let geometry = self.geometry.triangles[triangle as usize].geometry;
         let material = self.geometry.geometries[geometry as usize].material as usize;
-        let flags = u32::from(self.inputs.materials[material].alpha_mode != AlphaMode::Opaque);
+        let flags = u32::from(self.asset.materials[material].alpha_mode != AlphaMode::Opaque);
         BvhTriangle { v0, triangle, v1, geometry, v2, flags }
     }
 }
@@ -285,7 +294,7 @@ fn pack_vertex(data: &PrimitiveData, v: usize, normals: DMat3, linear: DMat3, is
 }
 
 /// Middle of a mesh in its own space, which instancing moves to the origin for precision.
-fn object_center(list: &[PrimitiveData]) -> DVec3 {
+fn object_center(list: &[Cow<'_, PrimitiveData>]) -> DVec3 {
     let positions = list.iter().flat_map(|data| &data.positions);
     let bounds = positions.fold(Bounds::EMPTY, |bounds, &p| bounds.grow(Vec3::from_array(p)));
     if bounds.min.x <= bounds.max.x { bounds.center().as_dvec3() } else { DVec3::ZERO }

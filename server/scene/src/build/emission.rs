@@ -11,7 +11,7 @@ use crate::{EmissiveTriangle, Material, SceneGeometry, Texture, TextureRef};
 const MAX_SAMPLES: usize = 1 << 26;
 
 /// Areas and mean radiances of all emitters.
-pub(crate) fn measure(
+pub(super) fn measure(
     emitters: &[Emitter],
     geometry: &SceneGeometry,
     materials: &[Material],

@@ -2,15 +2,15 @@
 
 use glam::{DMat3, DMat4, DVec3};
 
-use super::accessor::Reader;
-use super::check::invalid;
-use super::document::{Primitive, item};
-use super::hierarchy::Hierarchy;
-use super::primitive::{Influences, PrimitiveData, same_count};
 use crate::SceneError;
+use crate::asset::Reader;
+use crate::asset::check::invalid;
+use crate::asset::document::{Primitive, item};
+use crate::asset::primitive::{Influences, PrimitiveData, same_count};
+use crate::state::Nodes;
 
 /// Adds the weighted morph targets. Targets beyond the weights count as weight 0.
-pub(crate) fn morph(
+pub(super) fn morph(
     reader: &Reader<'_>,
     primitive: &Primitive,
     weights: &[f64],
@@ -52,10 +52,10 @@ pub(crate) fn morph(
 }
 
 /// World matrices of a skin's joints times their inverse bind matrices.
-pub(crate) fn joint_matrices(
+pub(super) fn joint_matrices(
     reader: &Reader<'_>,
     skin: usize,
-    hierarchy: &Hierarchy,
+    nodes: &Nodes,
     asked_by: &str,
 ) -> Result<Vec<DMat4>, SceneError> {
     let field = format!("skins[{skin}]");
@@ -75,7 +75,7 @@ pub(crate) fn joint_matrices(
         .iter()
         .enumerate()
         .map(|(k, &joint)| {
-            let world = hierarchy.world.get(joint).copied().flatten();
+            let world = nodes.world.get(joint).copied().flatten();
             let world = world.ok_or_else(|| invalid(format!("{field}.joints[{k}]"), "is not a node of the scene"))?;
             let bind = inverse_bind.as_ref().map(|m| DMat4::from_cols_array(&m[k].map(f64::from)));
             Ok(world * bind.unwrap_or(DMat4::IDENTITY))
@@ -86,7 +86,7 @@ pub(crate) fn joint_matrices(
 /// Blends the joints' matrices by the weights as given (they are not normalised) and moves every vertex to world space.
 /// The node's own transform does not count for a skinned mesh. Returns world positions; normals and tangents are turned
 /// in place.
-pub(crate) fn skin(sets: &[Influences], joints: &[DMat4], data: &mut PrimitiveData) -> Vec<DVec3> {
+pub(super) fn skin(sets: &[Influences], joints: &[DMat4], data: &mut PrimitiveData) -> Vec<DVec3> {
     let blend = |vertex: usize| -> DMat4 {
         let mut sum = DMat4::ZERO;
         for set in sets {
@@ -117,7 +117,7 @@ pub(crate) fn skin(sets: &[Influences], joints: &[DMat4], data: &mut PrimitiveDa
 
 /// Turns normals: the cofactor matrix, which is the inverse transpose up to a positive factor and exists for singular
 /// matrices too.
-pub(crate) fn normal_matrix(matrix: &DMat4) -> DMat3 {
+pub(super) fn normal_matrix(matrix: &DMat4) -> DMat3 {
     let m = DMat3::from_mat4(*matrix);
     // scaled first, so that the products of tiny or huge matrices do not leave the range
     let largest = m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs()));

@@ -9,6 +9,22 @@ use serde::Deserialize;
 use super::check::{clip, invalid};
 use crate::SceneError;
 
+/// Extensions that are honoured.
+const SUPPORTED: [&str; 9] = [
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Warnings kept at most; a hostile file could name millions of extensions.
+pub(crate) const MAX_WARNINGS: usize = 64;
+
 /// The root object.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
@@ -415,9 +431,19 @@ pub(crate) fn parse(json: &[u8]) -> Result<Document, SceneError> {
     Ok(document)
 }
 
-/// `items[index]`, or an error that says who asked for it.
+/// `items[index]`, or an error that names the member with the index.
 pub(crate) fn item<'a, T>(items: &'a [T], index: usize, what: &str, asked_by: &str) -> Result<&'a T, SceneError> {
     items
         .get(index)
         .ok_or_else(|| invalid(asked_by, format!("refers to {what}[{index}], but there are {}", items.len())))
+}
+
+/// Refuses required extensions that are not known and lists optional ones.
+pub(crate) fn check_extensions(document: &Document) -> Result<Vec<String>, SceneError> {
+    let is_known = |name: &String| SUPPORTED.contains(&name.as_str());
+    if let Some(name) = document.extensions_required.iter().find(|name| !is_known(name)) {
+        return Err(SceneError::UnsupportedExtension { name: clip(name) });
+    }
+    let unknown = document.extensions_used.iter().filter(|name| !is_known(name)).take(MAX_WARNINGS);
+    Ok(unknown.map(|name| format!("extension {} is not supported and ignored", clip(name))).collect())
 }
