@@ -1,9 +1,10 @@
 //! Drives a technique on a scene and counts what it costs.
 //!
-//! The actor of the server schedules jobs and delivers finished images. Here an image is observed while samples accumulate,
-//! its cache may have been used by another camera before, and nothing else runs, so techniques are stepped directly, with
-//! the same step budgets.
+//! The actor of the server schedules jobs and delivers finished images. Here an image is observed while samples
+//! accumulate, its cache may have been used by another camera before, and nothing else runs, so techniques are
+//! stepped directly, with the same step budgets.
 
+use surfelcast::Failure;
 use surfelcast_gpu::{Buffer, Gpu};
 use surfelcast_measure::{Image, Mode};
 use surfelcast_renderer::Throughput;
@@ -14,8 +15,6 @@ use surfelcast_techniques::{
     Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,
     registry,
 };
-
-use surfelcast::Failure;
 
 /// A scene on the device, and how images of it are made.
 pub(crate) struct Stage<'a> {
@@ -139,7 +138,8 @@ const ASIDE_DEGREES: [f64; 8] = [15.0, -15.0, 10.0, -10.0, 6.0, -6.0, 3.0, -3.0]
 /// Rotation in place if all of them are obstructed, degrees.
 const TURN_DEGREES: f64 = 10.0;
 
-/// A camera that sees mostly the same surfaces from another place: rotated about the surface in the middle of the image.
+/// A camera that sees mostly the same surfaces from another place: rotated about the surface in the middle of the
+/// image.
 pub(crate) fn camera_aside(scene: &Scene, camera: &Camera) -> Camera {
     let (_, up, forward) = camera.frame();
     let local = |position: glam::DVec3| (position - scene.origin).as_vec3();

@@ -1,9 +1,9 @@
 //! FLIP: the perceived difference of two images that are shown in alternation.
 //!
 //! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating
-//! Images", HPG 2020, for display-referred images. Colours are blurred by the eye's contrast sensitivity and compared in a
-//! uniform space (§4.1); edges and points are compared apart (§4.2) and raise the colour difference (§4.3). All filters are
-//! products of one-dimensional ones.
+//! Images", HPG 2020, for display-referred images. Colours are blurred by the eye's contrast sensitivity and compared
+//! in a uniform space (§4.1); edges and points are compared apart (§4.2) and raise the colour difference (§4.3). All
+//! filters are products of one-dimensional ones.
 
 use std::f64::consts::PI;
 

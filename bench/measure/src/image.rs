@@ -65,8 +65,8 @@ impl Image {
         Self { size: [pixels.len(), 1], pixels }
     }
 
-    /// The image that a camera with fewer pixels makes: each pixel is the mean of `factor` x `factor` of these. `None` if they
-    /// do not divide evenly.
+    /// The image that a camera with fewer pixels makes: each pixel is the mean of `factor` x `factor` of these.
+    /// `None` if they do not divide evenly.
     pub fn averaged_down(&self, factor: usize) -> Option<Self> {
         let [width, height] = self.size;
         if factor == 0 || width % factor != 0 || height % factor != 0 {

@@ -1,8 +1,8 @@
 //! How far images are from the truth.
 //!
 //! [`Image`] has the error metrics, [`flip`] the perceptual one, [`split_error`] takes an error apart into bias and
-//! noise, [`Reference`] finds reference images with their noise, [`fit`] draws lines through logarithms and [`Renderer`]
-//! runs the finished program. It knows no GPU and no scene: it judges pixels.
+//! noise, [`Reference`] finds reference images with their noise, [`fit`] draws lines through logarithms and
+//! [`Renderer`] runs the finished program. It knows no GPU and no scene: it judges pixels.
 
 pub mod error;
 pub mod fit;

@@ -1,8 +1,9 @@
 //! Renders a reference's image with the finished program, from outside, and measures it.
 //!
-//! A reference has noise of its own, and so has an image; a correct renderer differs from the reference by both, added in
-//! squares. The first is stated next to the reference, the second is measured from two images of different seeds. So a
-//! gate needs no tuned threshold: measured² / (reference noise² + own noise²) is 1 for a correct renderer.
+//! A reference has noise of its own, and so has an image; a correct renderer differs from the reference by both,
+//! added in squares. The first is stated next to the reference, the second is measured from two images of different
+//! seeds. So a gate needs no tuned threshold: measured² / (reference noise² + own noise²) is 1 for a correct
+//! renderer.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -52,8 +52,8 @@ pub struct Reference {
     pub expected: Expected,
 }
 
-/// The folder of shared scenes and references: `SURFELCAST_SHARED`, else `shared` in the given folder; `None` if there is
-/// none.
+/// The folder of shared scenes and references: `SURFELCAST_SHARED`, else `shared` in the given folder; `None` if
+/// there is none.
 pub fn shared_folder(parent: &Path) -> Option<PathBuf> {
     let folder = std::env::var_os("SURFELCAST_SHARED").map_or_else(|| parent.join("shared"), PathBuf::from);
     folder.join("references").is_dir().then_some(folder)

@@ -28,8 +28,8 @@ pub struct ErrorSplit {
 
 /// Splits the error of images of different seeds. `truth_noise` is the tone-mapped RMSE left in the truth.
 ///
-/// Standard errors are over the images: of the mean for the error, and by jackknife for the parts, which takes three images.
-/// With fewer than two images bias and variance are NaN.
+/// Standard errors are over the images: of the mean for the error, and by jackknife for the parts, which takes three
+/// images. With fewer than two images bias and variance are NaN.
 pub fn split_error(images: &[Image], truth: &Image, exposure: f64, truth_noise: f64) -> ErrorSplit {
     let mapped: Vec<_> = images.iter().map(|image| image.tone_mapped(exposure)).collect();
     let truth = truth.tone_mapped(exposure);

@@ -1,4 +1,4 @@
-//! Plots of one thing against another, both axes logarithmic, as SVG.
+//! Plots with two logarithmic axes, as SVG.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use surfelcast::Failure;
 
-/// Width and height of the drawing, and of the legend right of it, pixels.
+/// Width and height of the drawing, and the width of the legend on its right, pixels.
 const SIZE: (u32, u32) = (900, 560);
 const LEGEND_WIDTH: u32 = 250;
 const FONT: &str = "sans-serif";
@@ -52,20 +52,20 @@ pub(crate) struct Chart {
     pub(crate) title: String,
     /// Below the axis.
     pub(crate) x_label: String,
-    /// Beside the axis.
+    /// Left of the axis.
     pub(crate) y_label: String,
     /// Curves.
     pub(crate) series: Vec<Series>,
-    /// Level that is marked, such as a noise floor.
+    /// A level that is marked, such as a noise floor.
     pub(crate) level: Option<(f64, String)>,
-    /// The best that any curve offers, as a step line: at each x the least y up to there.
+    /// The Pareto front of all curves, as a step line: at each x the least y up to there.
     pub(crate) shows_front: bool,
-    /// Where x and y agree, as a dashed line.
+    /// The line x = y, dashed.
     pub(crate) shows_agreement: bool,
 }
 
 impl Chart {
-    /// Writes the plot as SVG. Without a point to show nothing is written.
+    /// Writes the plot as SVG. Without a visible point nothing is written.
     pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
         let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| is_shown(point));
         let Some(x) = range(points().map(|point| point.x)) else { return Ok(()) };
@@ -159,7 +159,7 @@ impl Chart {
     }
 }
 
-/// How a curve looks in the legend. Curves that share a colour differ by their marker.
+/// The look of a curve in the legend. Curves of the same colour differ by their marker.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Mark {
     Line,
@@ -204,13 +204,13 @@ fn front_steps(series: &[Series], right: f64) -> Vec<(f64, f64)> {
     steps
 }
 
-/// Least and largest of positive values with some room around; `None` without a value.
+/// Least and largest of positive values, with a margin; `None` without a value.
 fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let (least, most) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
     (most > 0.0).then(|| (least / 1.25, most * 1.25))
 }
 
-/// Round numbers in a range: powers of ten and as many between them as there is room for.
+/// Round numbers in a range: powers of ten, and steps between them as space allows.
 fn ticks((least, most): (f64, f64)) -> Vec<f64> {
     let decades = (least.log10().floor() as i32)..=(most.log10().ceil() as i32);
     let steps: &[f64] = match (most / least).log10() {

@@ -1,7 +1,8 @@
-//! Time of bringing surfels to pixels, by gathering and by drawing boxes and quads, for the surfel counts of Noack 2022,
-//! Table 6.2.
+//! Time of bringing surfels to pixels, by gathering and by drawing boxes and quads, for the surfel counts of Noack
+//! 2022, Table 6.2.
 //!
-//! Surfels lie where rays from the camera over the whole sphere hit the scene, and are sized by the thesis' equation 5.4.
+//! Surfels lie where rays from the camera over the whole sphere hit the scene, and are sized by the thesis' equation
+//! 5.4.
 
 use std::path::Path;
 
@@ -92,7 +93,8 @@ impl Measured for Row {
     }
 }
 
-/// Surfels where the rays of a Fibonacci sphere about the camera hit: every `parts`-th of `count`, starting with `part`.
+/// Surfels where the rays of a Fibonacci sphere about the camera hit: every `parts`-th of `count`, starting with
+/// `part`.
 fn surfels(scene: &Scene, count: u32, part: u32, parts: u32) -> Vec<ExportedSurfel> {
     let origin = (scene.cameras[0].camera.position - scene.origin).as_vec3();
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -135,8 +137,8 @@ struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    /// Surfels placed, the number of caches that hold them, and the fastest times of gather, boxes and quads. If one cache of
-    /// that size does not fit the device, several draw one after the other; they cannot be gathered as one.
+    /// Surfels placed, the number of caches that hold them, and the fastest times of gather, boxes and quads. If one
+    /// cache of that size does not fit the device, several draw one after the other; they cannot be gathered as one.
     fn measure(&self, count: u32) -> Result<(usize, u32, [f64; 3]), Failure> {
         let mut parts = 1;
         loop {

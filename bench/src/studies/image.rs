@@ -1,4 +1,5 @@
-//! Indirect light reconstructed in the image, from the published scheme (Noack 2022) to ours, next to other reconstructions.
+//! Indirect light reconstructed in the image, from the published scheme (Noack 2022) to ours, next to other
+//! reconstructions.
 
 use surfelcast::Failure;
 
@@ -23,7 +24,8 @@ pub(super) fn run(args: &CurvesArgs) -> Result<(), Failure> {
     curves::run(&QUESTION, args, table)
 }
 
-/// Not every combination: the scheme means something in the image only. Surfels share no samples with neighbours in either.
+/// Not every combination: the scheme means something in the image only. Surfels share no samples with neighbours in
+/// either.
 fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
     let rows = [("image", "image=4,3,2,1,0"), ("none", ""), ("poisson", "")];
     let mut variants = Vec::new();

@@ -1,5 +1,5 @@
-//! Distance in memory between the surfels of neighbouring pixels, for each way to place a cache's first surfels: what figure
-//! 5.4 of Noack 2022 shows as an image of ids.
+//! Distance in memory between the surfels of neighbouring pixels, for each way to place a cache's first surfels: what
+//! figure 5.4 of Noack 2022 shows as an image of ids.
 
 use std::collections::BTreeSet;
 
@@ -102,7 +102,8 @@ struct Locality {
     lines: f64,
 }
 
-/// `ids` are those of the surfels with the largest weight plus one, 0 where there is none. Those from `end` on are left out.
+/// `ids` are those of the surfels with the largest weight plus one, 0 where there is none. Those from `end` on are
+/// left out.
 fn locality(ids: &[u32], end: u32) -> Locality {
     let at = |x: u32, y: u32| match ids[(y * SIZE[0] + x) as usize] {
         id if id <= end => id,

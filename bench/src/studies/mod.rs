@@ -111,7 +111,7 @@ fn references() -> Result<Vec<Reference>, Failure> {
     let shared = shared_folder(Path::new("..")).ok_or_else(|| {
         Failure::input(
             "there are no references here; set SURFELCAST_SHARED to a folder with references/ and scenes/, or put it \
-             beside the repository as shared/",
+             next to the repository as shared/",
         )
     })?;
     Reference::read_all(&shared).map_err(input)

@@ -13,8 +13,8 @@ pub(super) const QUESTION: Question = Question {
     replicates: 2,
     scenes: &[],
     built_in: &[],
-    // Small enough for a path-traced truth of many samples; large enough that a first frame has few rays per pixel, since
-    // surfels are a few pixels large.
+    // Small enough for a path-traced truth of many samples; large enough that a first frame has few rays per pixel,
+    // since surfels are a few pixels large.
     size: Some(RequestedSize::Both([192, 144])),
     is_indirect: true,
     variants,
@@ -27,7 +27,8 @@ pub(super) fn run(args: &CurvesArgs) -> Result<(), Failure> {
     curves::run(&QUESTION, args, table)
 }
 
-/// Without settling, and without sharing samples with neighbours in place of a reconstruction: what each contributes itself.
+/// Without settling, and without sharing samples with neighbours in place of a reconstruction: what each contributes
+/// itself.
 fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
     let mut lists = requested.clone();
     lists.techniques = or_default(&requested.techniques, &["surfel", "path"]);
@@ -35,8 +36,8 @@ fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
     lists.all()
 }
 
-/// Error of the solve over that of each other way, rays of differences included. Columns without any ratio are left out: a
-/// first frame may have more rays, and the last fewer.
+/// Error of the solve over that of each other way, rays of differences included. Columns without any ratio are left
+/// out: a first frame may have more rays, and the last fewer.
 fn table(curves: &[Curve]) -> String {
     let mut rows: Vec<([String; 2], Vec<Option<f64>>)> = Vec::new();
     for (case, of_case) in by_case(curves) {

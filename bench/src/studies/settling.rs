@@ -52,8 +52,8 @@ fn cache_error_at(cache: &Curve, cost: fn(&Point) -> f64, at: f64) -> Option<f64
     last.map(|last| last.error).or_else(|| cache.error_at(cost, at))
 }
 
-/// The budget at which the error is largest relative to the lesser of the cache's and the path tracer's at the same cost, and
-/// that ratio.
+/// The budget at which the error is largest relative to the lesser of the cache's and the path tracer's at the same
+/// cost, and that ratio.
 fn worst_ratio<'a>(
     settled: &'a Curve,
     cache: &Curve,

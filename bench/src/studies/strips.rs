@@ -1,7 +1,8 @@
 //! Frames of the surfel cache in motion, as contact sheets: what a user sees, frame by frame.
 //!
-//! `strip-start.jpg` (from an empty cache), `strip-orbit.jpg` (the camera moves in every frame), `strip-switch.jpg` (all lamps
-//! dim to a fifth and come back) and `strip-lamp.jpg` (a lamp moves in every frame) are each read row by row.
+//! `strip-start.jpg` (from an empty cache), `strip-orbit.jpg` (the camera moves in every frame), `strip-switch.jpg`
+//! (all lamps dim to a fifth and come back) and `strip-lamp.jpg` (a lamp moves in every frame) are each read row by
+//! row.
 
 use std::path::{Path, PathBuf};
 

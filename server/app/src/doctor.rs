@@ -12,14 +12,16 @@ pub(crate) fn run() -> Result<(), Failure> {
     if found.iter().any(|adapter| adapter.unusable.is_none()) {
         if found.iter().all(|adapter| adapter.unusable.is_some() || adapter.kind == surfelcast_gpu::AdapterKind::Cpu) {
             println!(
-                "Only software rendering was found: pictures are right, but slow. A GPU with a Vulkan 1.2 driver is faster by orders of magnitude."
+                "Only software rendering was found: images are correct, but slow. A GPU with a Vulkan 1.2 driver is \
+                 faster by orders of magnitude."
             );
         }
         println!("Ready: `surfelcast serve` and `surfelcast render` will work here.");
         return Ok(());
     }
     Err(Failure::runtime(
-        "no usable Vulkan adapter. Install your GPU's Vulkan driver, or software rendering with `apt-get install mesa-vulkan-drivers`; the loader is `libvulkan1`",
+        "no usable Vulkan adapter. Install your GPU's Vulkan driver, or software rendering with `apt-get install \
+         mesa-vulkan-drivers`; the loader is `libvulkan1`",
     ))
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use surfelcast::Failure;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Image, Mode, Rectangle, Reference};
 use surfelcast_scene::{Camera, Scene};
@@ -10,7 +11,6 @@ use surfelcast_techniques::{SessionState, SurfelSettings};
 
 use crate::report::{input, write_file};
 use crate::stage::Stage;
-use surfelcast::Failure;
 use surfelcast::args::Materials;
 use surfelcast::scene_file;
 
@@ -234,12 +234,13 @@ impl Case {
         Stage::new(gpu, &self.scene, self.mode, self.size, self.exposure)
     }
 
-    /// Reads the reference, or path-traces one in two halves whose difference gives its noise. They are kept in `folder`.
+    /// Reads the reference, or path-traces one in two halves whose difference gives its noise. They are kept in
+    /// `folder`.
     pub(crate) fn truth(&self, stage: &Stage<'_>, samples: u32, folder: &Path) -> Result<Truth, Failure> {
         if let Source::Reference { image, noise, masked, factor } = &self.source {
             let factor = *factor as usize;
             let averaged = Image::read_exr(image).map_err(input)?.averaged_down(factor).ok_or_else(|| {
-                Failure::input(format!("{}: its size is not the one stated beside it", image.display()))
+                Failure::input(format!("{}: its size is not the one that its JSON states", image.display()))
             })?;
             return Ok(Truth {
                 image: averaged,
@@ -279,7 +280,8 @@ impl Case {
     }
 }
 
-/// The pixels of an image, across and down, that make one of a smaller image of the same shape, if that is a whole number.
+/// The pixels of an image, across and down, that make one of a smaller image of the same shape, if that is a whole
+/// number.
 fn whole_factor(size: [u32; 2], smaller: [u32; 2]) -> Option<u32> {
     let factor = size[0].checked_div(smaller[0])?;
     (factor > 0 && smaller.map(|side| side.saturating_mul(factor)) == size).then_some(factor)

@@ -28,8 +28,8 @@ struct Observation {
     surfels: Option<u32>,
 }
 
-/// Measures the curve of that key. Reading images back and audits are not timed, and a render of one sample beforehand keeps
-/// compilation out of the times.
+/// Measures the curve of that key. Reading images back and audits are not timed, and a render of one sample
+/// beforehand keeps compilation out of the times.
 pub(super) fn measure(
     gpu: &Gpu,
     case: &Case,

@@ -1,7 +1,7 @@
 //! Error against cost: what all studies of curves share.
 //!
-//! Each way to render makes each image several times with different seeds, and is observed after 1, 2, 4, 8, ... samples per
-//! pixel. A [`Question`] says what is compared and how the tables look.
+//! Each way to render makes each image several times with different seeds, and is observed after 1, 2, 4, 8, ...
+//! samples per pixel. A [`Question`] says what is compared and how the tables look.
 
 mod case;
 mod charts;
@@ -37,8 +37,9 @@ const SCENES: [&str; 5] = ["cornell_box", "bars", "maze_small_near_lambert", "sp
 pub(crate) const EVERY_REFERENCE: &str = "references";
 /// Scenes where there are no references.
 const BUILT_IN: [&str; 2] = ["demo:cornell_box", "demo:interior"];
-/// Seconds of rendering of a whole study, if none are given for a replicate: long enough to see where curves end, and less
-/// than 20 minutes with all that is not timed, also on a software GPU with two cores. And the least of one replicate.
+/// Seconds of rendering of a whole study, if none are given for a replicate: long enough to see where curves end, and
+/// less than 20 minutes with all that is not timed, also on a software GPU with two cores. And the least of one
+/// replicate.
 const STUDY_SECS: f64 = 900.0;
 const LEAST_SECS: f64 = 2.0;
 
@@ -63,8 +64,8 @@ pub(crate) struct Question {
 /// What can be chosen in every study of curves.
 #[derive(Debug, Args)]
 pub(crate) struct CurvesArgs {
-    /// Name of a reference or of a scene that has one, a scene file, or a built-in scene such as demo:cornell_box; may be
-    /// given several times. `references` stands for every reference.
+    /// Name of a reference or of a scene that has one, a scene file, or a built-in scene such as demo:cornell_box;
+    /// may be given several times. `references` stands for every reference.
     #[arg(long = "scene", value_name = "SCENE")]
     scenes: Vec<String>,
     /// Camera by name; the first by default.
@@ -103,8 +104,8 @@ pub(crate) struct CurvesArgs {
     /// Seed of the first replicate; the others follow.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..1 << 31))]
     seed: u64,
-    /// Image size; the reference's by default, 192x144 for reconstructions. A reference whose size is a multiple is averaged
-    /// down, any other size needs a truth of its own.
+    /// Image size; the reference's by default, 192x144 for reconstructions. A reference whose size is a multiple is
+    /// averaged down, any other size needs a truth of its own.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Image width; the height follows the reference's shape.

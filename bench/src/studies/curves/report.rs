@@ -54,8 +54,8 @@ pub(crate) fn with_error(value: f64, std_error: Option<f64>) -> String {
     }
 }
 
-/// Root of an estimated square, with a minus sign if the estimate is below zero. Its error is that of the square over twice
-/// the root or, if that is not small, the root of the error.
+/// Root of an estimated square, with a minus sign if the estimate is below zero. Its error is that of the square over
+/// twice the root or, if that is not small, the root of the error.
 pub(crate) fn root(square: Option<f64>, std_error: Option<f64>) -> String {
     let Some(square) = square else { return "-".to_owned() };
     let root = square.abs().sqrt();

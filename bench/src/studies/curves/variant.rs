@@ -2,10 +2,9 @@
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
+use surfelcast::Failure;
 use surfelcast_techniques::registry::TECHNIQUES;
 use surfelcast_techniques::{Reconstruction, SurfelSettings, TechniqueEntry};
-
-use surfelcast::Failure;
 
 /// Preset that is used where none is named.
 pub(crate) const DEFAULT_PRESET: &str = "balanced";
@@ -53,7 +52,8 @@ pub(crate) fn or_default(requested: &[String], default: &[&str]) -> Vec<String> 
 }
 
 impl VariantLists {
-    /// The same with the default reconstruction alone, unless others were requested: for questions about something else.
+    /// The same with the default reconstruction alone, unless others were requested: for questions about something
+    /// else.
     pub(crate) fn with_one_reconstruction(&self) -> Self {
         let default = SurfelSettings::default().reconstruction.name();
         Self { reconstructions: or_default(&self.reconstructions, &[default]), ..self.clone() }

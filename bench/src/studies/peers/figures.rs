@@ -1,7 +1,8 @@
 //! What other renderers take to the same errors.
 //!
-//! Figures come from their own harness: as rows (CSV: scene, camera, peer, budget_s, seconds, rmse_tm, reference_noise_tm; the
-//! same reduction to times as here), or as the table that it printed in an earlier run, which is marked as such.
+//! Figures come from their own harness: as rows (CSV: scene, camera, peer, budget_s, seconds, rmse_tm,
+//! reference_noise_tm; the same reduction to times as here), or as the table that it printed in an earlier run, which
+//! is marked as such.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -149,8 +150,10 @@ pub(super) mod tests {
 
     pub(crate) const ROWS: &str = "scene,camera,peer,budget_s,seconds,rmse_tm,reference_noise_tm\n\
                         box,main,rays,1,1.0,0.05,0.03\nbox,main,rays,1,1.0,0.05,0.03\nbox,main,rays,4,4.0,0.036,0.03\n";
-    pub(crate) const TABLE: &str = "# x\n| scene, camera (reference noise) | to error | rays | other |\n|---|---|---|---|\n\
-                         | box, main (0.0013) | 0.03 | 9 | <0.25 |\n|  | 0.02 | 1.5 | |\n|  | 0.01 | ~7 | >4 |\n\ntext\n";
+    pub(crate) const TABLE: &str = "# x\n| scene, camera (reference noise) | to error | rays | other |\n\
+                         |---|---|---|---|\n\
+                         | box, main (0.0013) | 0.03 | 9 | <0.25 |\n|  | 0.02 | 1.5 | |\n\
+                         |  | 0.01 | ~7 | >4 |\n\ntext\n";
 
     #[test]
     fn rows_come_before_stated_figures() {

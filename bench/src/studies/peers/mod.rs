@@ -26,8 +26,8 @@ pub(super) const QUESTION: Question = Question {
 
 #[derive(Debug, Args)]
 pub(crate) struct PeersArgs {
-    /// Seconds of other renderers: rows of their harness as CSV, or its tables as Markdown; may be given several times. The
-    /// first file that has a figure counts.
+    /// Seconds of other renderers: rows of their harness as CSV, or its tables as Markdown; may be given several
+    /// times. The first file that has a figure counts.
     #[arg(long = "peers", value_name = "FILE")]
     peers: Vec<PathBuf>,
     #[command(flatten)]

@@ -29,7 +29,8 @@ const PATIENCE: u32 = 50;
 pub(super) const BLURS: [f64; 2] = [6.0, 20.0];
 /// Iterations at which an image of the blur study is observed.
 const OBSERVED_AT: [u32; 10] = [0, 1, 2, 4, 8, 16, 32, 64, 128, 256];
-/// Weight of the values in that study: wavelengths above 2 pi / 0.01 pixels come from the blurred image, which has them.
+/// Weight of the values in that study: wavelengths above 2 pi / 0.01 pixels come from the blurred image, which has
+/// them.
 const BLUR_SCREEN: f32 = 1e-4;
 /// Scene of the path study, seen by its last camera.
 const SCENE: &str = "demo:interior";

@@ -1,9 +1,9 @@
 //! `surfelcast-bench poisson`: convergence of image-space solvers of the screened Poisson problem.
 //!
-//! Three studies. *Solvers*: iterations, time and attainable residual of each against image size and screen weight. *Blur*: a
-//! blurred image and its true differences, with the preparation steps of the first guess (Noack 2022, figures 5.16 and 5.17).
-//! *Paths*: gradient-domain path tracing reconstructed by a fixed number of iterations with and without preparation (figures
-//! 6.2 to 6.4).
+//! Three studies. *Solvers*: iterations, time and attainable residual of each against image size and screen weight.
+//! *Blur*: a blurred image and its true differences, with the preparation steps of the first guess (Noack 2022,
+//! figures 5.16 and 5.17). *Paths*: gradient-domain path tracing reconstructed by a fixed number of iterations with
+//! and without preparation (figures 6.2 to 6.4).
 
 mod measure;
 mod problem;

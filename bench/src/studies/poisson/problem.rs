@@ -127,8 +127,8 @@ impl OnDevice {
         })
     }
 
-    /// The logo with noise, and edges of random weight, nearly zero across vertical bars: what adaptive weights produce.
-    /// `screen` is the weight of the values.
+    /// The logo with noise, and edges of random weight, nearly zero across vertical bars: what adaptive weights
+    /// produce. `screen` is the weight of the values.
     pub(super) fn noisy(gpu: &Gpu, size: [u32; 2], screen: f32) -> Result<Self, Failure> {
         let mut random = Random(7);
         let truth = logo(size);
@@ -151,8 +151,8 @@ impl OnDevice {
         read_pixels(gpu, &self.solution)
     }
 
-    /// Solves, and calls `observe` after each iteration with the number of iterations, the true residual and the milliseconds
-    /// on the device so far; it returns whether to continue. The start counts as iteration 0.
+    /// Solves, and calls `observe` after each iteration with the number of iterations, the true residual and the
+    /// milliseconds on the device so far; it returns whether to continue. The start counts as iteration 0.
     pub(super) fn solve(
         &self,
         gpu: &Gpu,

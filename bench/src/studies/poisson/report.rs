@@ -152,8 +152,8 @@ pub(super) fn markdown(studies: &Studies) -> String {
         ]);
     }
     let text = format!(
-        "{}Iterations to a residual of {GOAL} (that of V is 1), ms until then, the share of the error of V that is left, and the \
-         least residual found: the limit of `f32`, unless the iterations ran out before (`>`).\n\n{}",
+        "{}Iterations to a residual of {GOAL} (that of V is 1), ms until then, the share of the error of V that is left, \
+         and the least residual found: the limit of `f32`, unless the iterations ran out before (`>`).\n\n{}",
         describe(std::iter::once(&studies.origin), &[]),
         solvers.markdown()
     );

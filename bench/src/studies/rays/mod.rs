@@ -201,8 +201,8 @@ fn cosine_rays(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) -> Vec<Ray> {
     found
 }
 
-/// Both sides must find the same hits. Ties at shared edges may differ, and so may hits within rounding of the origin: in a
-/// corner, rounding decides on which side of the other wall a ray starts.
+/// Both sides must find the same hits. Ties at shared edges may differ, and so may hits within rounding of the
+/// origin: in a corner, rounding decides on which side of the other wall a ray starts.
 fn check_agreement(cpu: &[Option<Hit>], gpu: &[[u32; 2]], radius: f32) -> Result<(), Failure> {
     let rounding = 4e-6 * radius;
     let differs = |(cpu, gpu): (&Option<Hit>, &[u32; 2])| {

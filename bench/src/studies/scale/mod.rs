@@ -1,8 +1,8 @@
 //! `surfelcast-bench scale`: cost against size.
 //!
-//! Four series of measurements in the same room: more triangles, more capacity of the cache, smaller surfels, more cameras
-//! that have been there before. Then what a second camera adds on a converged session. A frame's time is the median over
-//! several, since a software GPU shares its cores.
+//! Four series of measurements in the same room: more triangles, more capacity of the cache, smaller surfels, more
+//! cameras that have been there before. Then what a second camera adds on a converged session. A frame's time is the
+//! median over several, since a software GPU shares its cores.
 
 mod measure;
 mod report;
@@ -27,7 +27,8 @@ pub(super) const PAGE: Page = Page { name: "scale", template: include_str!("../.
 #[derive(Debug, Args)]
 pub(crate) struct ScaleArgs {
     /// Triangles of the room.
-    #[arg(long, value_name = "N,...", value_delimiter = ',', default_values_t = [10_000, 30_000, 100_000, 300_000, 1_000_000],
+    #[arg(long, value_name = "N,...", value_delimiter = ',',
+          default_values_t = [10_000, 30_000, 100_000, 300_000, 1_000_000],
           value_parser = clap::value_parser!(u32).range(1_000..=16_000_000))]
     triangles: Vec<u32>,
     /// Capacities of the cache, as powers of two.
@@ -43,7 +44,8 @@ pub(crate) struct ScaleArgs {
           value_parser = clap::value_parser!(u32).range(0..=256))]
     cameras: Vec<u32>,
     /// Triangles of the room in all series but the first.
-    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(1_000..=16_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 100_000,
+          value_parser = clap::value_parser!(u32).range(1_000..=16_000_000))]
     room: u32,
     /// Image size.
     #[arg(long, value_name = "WxH", default_value = "256x192", value_parser = parse_size)]

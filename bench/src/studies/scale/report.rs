@@ -74,7 +74,8 @@ pub(super) fn markdown(rows: &[Row], args: &ScaleArgs) -> String {
     let parts = [
         describe(rows.iter().map(|row| &row.origin), &conditions),
         format!(
-            "Triangles. The time of a frame grows with their number to the power of {} (`path`: {}); below 1 is required.\n\n",
+            "Triangles. The time of a frame grows with their number to the power of {} (`path`: {}); below 1 is \
+             required.\n\n",
             growth(rows, "triangles", "triangles", "frame_ms"),
             growth(rows, "triangles", "triangles", "path_ms"),
         ),
@@ -82,8 +83,8 @@ pub(super) fn markdown(rows: &[Row], args: &ScaleArgs) -> String {
         "\nCapacity, at the same number of surfels.\n\n".to_owned(),
         cache_table(rows, "capacity", "capacity"),
         format!(
-            "\nSurfels, by their radius. The time of a frame grows with their number to the power of {}, the lookup of a \
-             pixel to that of {}; at most 1 is required.\n\n",
+            "\nSurfels, by their radius. The time of a frame grows with their number to the power of {}, the lookup of \
+             a pixel to that of {}; at most 1 is required.\n\n",
             growth(rows, "radius", "surfels", "frame_ms"),
             growth(rows, "radius", "surfels", "lookup_ns_a_pixel"),
         ),

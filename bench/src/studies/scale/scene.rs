@@ -1,5 +1,5 @@
-//! A room with clutter, at any number of triangles: always the same shapes, only finer, so that light and image stay the
-//! same while the geometry grows.
+//! A room with clutter, at any number of triangles: always the same shapes, only finer, so that light and image stay
+//! the same while the geometry grows.
 
 use std::f32::consts::{PI, TAU};
 

@@ -1,9 +1,9 @@
 //! What a second camera adds on a session that has converged.
 //!
-//! Two questions. What does it cost on surfaces whose surfels others have converged? It stands between two cameras that the
-//! session has served before, and its first frames are compared with those of the very first camera, which started with an
-//! empty session. And what do both cost once they have converged? The render actor answers that, since it schedules no work
-//! for converged views.
+//! Two questions. What does it cost on surfaces whose surfels others have converged? It stands between two cameras
+//! that the session has served before, and its first frames are compared with those of the very first camera, which
+//! started with an empty session. And what do both cost once they have converged? The render actor answers that,
+//! since it schedules no work for converged views.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -90,10 +90,11 @@ pub(super) fn markdown(values: &BTreeMap<String, f64>, frames: u32) -> String {
         ]);
     }
     format!(
-        "\nA second camera on surfaces whose surfels have converged takes {:.0} % of the GPU time of the first one, which \
-         started with an empty session, over the first {frames} frames of each; below 35 % is required. The session had \
-         converged before (after {:.0} frames; surfels have converged at a standard error of {TARGET} here). In {} s after \
-         both views of a session had converged, the renderer traced {:.0} rays; 0 is required.\n\n{}",
+        "\nA second camera on surfaces whose surfels have converged takes {:.0} % of the GPU time of the first one, \
+         which started with an empty session, over the first {frames} frames of each; below 35 % is required. The \
+         session had converged before (after {:.0} frames; surfels have converged at a standard error of {TARGET} \
+         here). In {} s after both views of a session had converged, the renderer traced {:.0} rays; 0 is \
+         required.\n\n{}",
         100.0 * value("share"),
         value("frames_to_converge"),
         OBSERVED.as_secs(),

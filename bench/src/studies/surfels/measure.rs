@@ -10,7 +10,8 @@ use crate::studies::surfels::{GATES, Outcome};
 pub(super) const FRAMES: [u32; 2] = [32, 64];
 /// Samples per pixel of each of the two path-traced images whose mean is the truth of indirect light.
 const TRUTH_SAMPLES: u32 = 32;
-/// Images of indirect light alone have a truth of their own, so they can be smaller than the references: a third as wide.
+/// Images of indirect light alone have a truth of their own, so they can be smaller than the references: a third as
+/// wide.
 const INDIRECT_SHRINK: u32 = 3;
 /// Ratio of errors above which the image is measured again at full size.
 const FULL_SIZE_RATIO: f64 = 0.4;
