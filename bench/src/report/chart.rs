@@ -6,7 +6,6 @@ use plotters::coord::Shift;
 use plotters::coord::combinators::BindKeyPoints;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-
 use surfelcast::Failure;
 
 /// Width and height of the drawing, and the width of the legend on its right, pixels.
