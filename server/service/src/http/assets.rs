@@ -1,4 +1,6 @@
-//! The browser client, embedded at compile time. Paths are keys of a table, never of a file system.
+//! The browser client, embedded at compile time. A path is a key of a table and never reaches a file system.
+//!
+//! The files are compressed once, at the first use, and not for each answer; so each coding has an entity tag of its own.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -54,22 +56,22 @@ fn serve(path: &str, headers: &HeaderMap) -> Response {
 }
 
 fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
-    let media_type = media_type_of(path);
+    let media_type = media_type_of(&file);
     let compressed = if accepts_gzip(headers) { compressed_files().get(path) } else { None };
     let digest = hex::encode(file.metadata.sha256_hash());
-    // Two representations, two tags.
+    // The compressed file is another representation, so it has another tag.
     let coding = if compressed.is_some() { "-gzip" } else { "" };
     let etag = format!("\"{}{coding}\"", digest.get(..32).unwrap_or_default());
     let mut response = if is_none_match_hit(headers, &etag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else if let Some(compressed) = compressed {
-        let fields = [(header::CONTENT_TYPE, media_type), (header::CONTENT_ENCODING, "gzip")];
+        let fields = [(header::CONTENT_TYPE, media_type), (header::CONTENT_ENCODING, "gzip".into())];
         (fields, compressed.clone()).into_response()
     } else {
         ([(header::CONTENT_TYPE, media_type)], file.data).into_response()
     };
     let fields = response.headers_mut();
-    // Revalidated on every use: an upgraded server must not be met by an old client.
+    // Browsers revalidate it at every use: an old client must not talk to an upgraded server.
     fields.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
     if compressed_files().contains_key(path) {
         fields.append(header::VARY, HeaderValue::from_static("Accept-Encoding"));
@@ -80,19 +82,16 @@ fn answer(path: &str, file: EmbeddedFile, headers: &HeaderMap) -> Response {
     response
 }
 
-/// The files that gzip makes smaller, compressed once at the first use; all together they are small.
+/// The files that gzip makes smaller.
 fn compressed_files() -> &'static HashMap<String, Bytes> {
     static FILES: LazyLock<HashMap<String, Bytes>> = LazyLock::new(|| {
         let compress = |path: &str| {
-            let file = WebClient::get(path)?;
+            let file = WebClient::get(path).filter(|file| is_text(file.metadata.mimetype()))?;
             let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
             encoder.write_all(&file.data).ok()?;
             encoder.finish().ok().filter(|compressed| compressed.len() < file.data.len()).map(Bytes::from)
         };
-        WebClient::iter()
-            .filter(|path| is_text(media_type_of(path)))
-            .filter_map(|path| Some((path.to_string(), compress(&path)?)))
-            .collect()
+        WebClient::iter().filter_map(|path| Some((path.to_string(), compress(&path)?))).collect()
     });
     &FILES
 }
@@ -102,18 +101,9 @@ fn is_text(media_type: &str) -> bool {
         || ["application/json", "application/manifest+json", "image/svg+xml"].contains(&media_type)
 }
 
-fn media_type_of(path: &str) -> &'static str {
-    match path.rsplit('.').next().unwrap_or_default() {
-        "html" => "text/html; charset=utf-8",
-        "js" | "mjs" => "text/javascript; charset=utf-8",
-        "css" => "text/css; charset=utf-8",
-        "json" => "application/json",
-        "svg" => "image/svg+xml",
-        "png" => "image/png",
-        "webp" => "image/webp",
-        "ico" => "image/x-icon",
-        "woff2" => "font/woff2",
-        "webmanifest" => "application/manifest+json",
-        _ => "application/octet-stream",
-    }
+/// The media type, with the encoding of text: all our files are UTF-8.
+fn media_type_of(file: &EmbeddedFile) -> String {
+    let media_type = file.metadata.mimetype();
+    let charset = if media_type.starts_with("text/") { "; charset=utf-8" } else { "" };
+    format!("{media_type}{charset}")
 }

@@ -1,6 +1,9 @@
-//! `Accept` and `Prefer`.
+//! What a client accepts, prefers and has already: `Accept`, `Accept-Encoding`, `Prefer`, `If-None-Match`.
+//!
+//! `headers` has no types for the first three, so their values are read here.
 
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
+use headers::{ETag, HeaderMapExt as _, IfNoneMatch};
 
 use crate::http::problem::ApiError;
 use crate::image_format::ImageFormat;
@@ -88,18 +91,13 @@ pub(crate) fn prefer_wait(headers: &HeaderMap) -> Option<u64> {
         .and_then(|(_, secs)| secs.trim().trim_matches('"').parse().ok())
 }
 
-/// Whether `If-None-Match` names this entity tag (weak comparison, as RFC 9110 asks).
+/// Whether `If-None-Match` names this entity tag, by weak comparison (RFC 9110, 13.1.2).
 pub(crate) fn is_none_match_hit(headers: &HeaderMap, etag: &str) -> bool {
-    let strip = |tag: &str| tag.trim().trim_start_matches("W/").to_owned();
-    headers
-        .get_all(header::IF_NONE_MATCH)
-        .iter()
-        .filter_map(|value: &HeaderValue| value.to_str().ok())
-        .flat_map(|value| value.split(','))
-        .any(|tag| tag.trim() == "*" || strip(tag) == strip(etag))
+    let known = headers.typed_get::<IfNoneMatch>();
+    known.zip(etag.parse::<ETag>().ok()).is_some_and(|(known, etag)| !known.precondition_passes(&etag))
 }
 
-/// Whether `Accept-Encoding` lets an answer be compressed by gzip.
+/// Whether `Accept-Encoding` permits gzip.
 pub(crate) fn accepts_gzip(headers: &HeaderMap) -> bool {
     let codings: Vec<&str> = headers
         .get_all(header::ACCEPT_ENCODING)
@@ -120,6 +118,8 @@ pub(crate) fn accepts_gzip(headers: &HeaderMap) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::HeaderValue;
+
     use super::*;
 
     fn accept(value: &str) -> Result<ImageFormat, u16> {
