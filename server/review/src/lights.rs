@@ -190,6 +190,6 @@ mod tests {
             assert_eq!(set, before);
         }
         let strong = LightPatch { environment_strength: Some(f32::NAN), ..add(lamp()) };
-        assert!(set.apply(&strong, 4).is_err() && set == before, "the added light is taken back");
+        assert!(set.apply(&strong, 4).is_err() && set == before, "the added light is removed again");
     }
 }

@@ -1,4 +1,4 @@
-//! Text that strangers wrote and people will read.
+//! Text from outside that people will read.
 
 /// Longest name of a scene, a light or a client, characters.
 pub const MAX_NAME: usize = 128;

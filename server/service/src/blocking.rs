@@ -1,4 +1,4 @@
-//! Work that would hold up the async threads: encoders and importers, a bounded number at a time.
+//! Work that would block the async threads: encoders and scene loaders, a bounded number at a time.
 
 use std::sync::Arc;
 
@@ -23,8 +23,8 @@ impl BlockingPool {
         Self { what, permits: Arc::new(Semaphore::new(width.max(1))) }
     }
 
-    /// Runs `work` on a blocking thread once there is room. Dropping the future abandons the result, not the work, and
-    /// the room is given back only when the work has ended.
+    /// Runs `work` on a blocking thread once a permit is free. Dropping the future abandons the result, not the work, and
+    /// the permit is released only when the work has ended.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn a_panic_stays_inside_and_gives_its_room_back() {
+    async fn a_panic_stays_inside_and_releases_its_permit() {
         let pool = BlockingPool::new("encoding", 1);
         assert!(pool.run(|| panic!("a codec's bug")).await.map(|(): ()| ()).is_err());
         assert_eq!(pool.run(|| 7).await.ok(), Some(7));

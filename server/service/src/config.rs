@@ -1,4 +1,4 @@
-//! What an operator may set.
+//! The settings of an operator.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,10 +12,10 @@ pub struct ServiceConfig {
     pub data_dir: PathBuf,
     /// Program and version, for `welcome`, `/version` and the cache keys of renders.
     pub server: String,
-    /// Host names (without port) accepted in `Host` beside loopback names and, on other binds, IP addresses. `*` accepts
-    /// any; do that only behind a proxy that checks.
+    /// Host names (without port) accepted in `Host`, in addition to loopback names and, on other binds, IP addresses. `*`
+    /// accepts any; use it only behind a proxy that checks.
     pub hosts: Vec<String>,
-    /// Origins (`https://example.org`) accepted beside the server's own.
+    /// Origins (`https://example.org`) accepted in addition to the server's own.
     pub origins: Vec<String>,
     /// Accept WebSocket upgrades without `Origin` (programs, not browsers) on binds that are not loopback.
     pub allow_missing_origin: bool,
@@ -46,7 +46,7 @@ impl ServiceConfig {
     }
 }
 
-/// Bounds on what clients may ask for together.
+/// Bounds on what all clients together may request and keep.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Open TCP connections.
@@ -75,7 +75,7 @@ pub struct Bounds {
     pub waiting_scene_loads: usize,
     /// Renders waiting or running.
     pub active_renders: usize,
-    /// Finished renders remembered.
+    /// Finished renders kept.
     pub finished_renders: usize,
     /// Bytes of finished renders kept.
     pub render_cache_bytes: u64,
@@ -87,15 +87,15 @@ pub struct Bounds {
     pub render_samples: u32,
     /// Time limit of a render, seconds.
     pub render_secs: f64,
-    /// `Idempotency-Key`s remembered.
+    /// `Idempotency-Key`s kept.
     pub idempotency_keys: usize,
     /// Control messages waiting for a client.
     pub outbox_messages: usize,
     /// Bytes of control messages waiting for a client.
     pub outbox_bytes: usize,
-    /// Pictures encoded at a time.
+    /// Frames and renders encoded at a time.
     pub encoders: usize,
-    /// Resume tokens remembered.
+    /// Resume tokens kept.
     pub resume_tokens: usize,
 }
 
@@ -139,7 +139,7 @@ pub struct Timeouts {
     pub body_stall: Duration,
     /// Grace before [`Timeouts::body_bytes_per_sec`] counts.
     pub body_grace: Duration,
-    /// Mean rate a body must keep.
+    /// Least mean rate of a body.
     pub body_bytes_per_sec: u64,
     /// A response that makes no progress for this long ends its connection.
     pub write_stall: Duration,
@@ -149,11 +149,11 @@ pub struct Timeouts {
     pub ack_stop: Duration,
     /// Without acknowledgement, the connection ends.
     pub ack_close: Duration,
-    /// Between two pings; two without a sign of life end the connection.
+    /// Between two pings; two without any message from the client end the connection.
     pub ping: Duration,
-    /// A session outlives its last view by this, so that a page reload finds it warm.
+    /// A session stays open for this time after its last view has closed, so that a page reload finds it open.
     pub session_grace: Duration,
-    /// A resume token, and the lights of a closed session, live this long.
+    /// Lifetime of a resume token, and of the edits of a closed session.
     pub resume: Duration,
     /// Two connections of one client, the second resuming the first, begin at least this long apart.
     pub reconnect: Duration,

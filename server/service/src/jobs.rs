@@ -124,13 +124,13 @@ impl Jobs {
         self.0.table.lock().get(id)
     }
 
-    /// The job of the same key, or a new one. The flag tells whether it is new.
+    /// The job of the same key, or a new one. The flag says whether it is new.
     pub(crate) fn submit(&self, spec: RenderJob, key: String) -> Result<(Arc<Job>, bool), DomainError> {
         let mut table = self.0.table.lock();
         if let Some(job) = table.get_by_key(&key) {
             return Ok((job, false));
         }
-        table.check_room()?;
+        table.check_limit()?;
         let ticket = self.0.handle.render(spec.clone())?;
         let job = Arc::new(Job {
             id: random_id().map_err(|e| DomainError::internal(&e))?,

@@ -1,6 +1,6 @@
 //! The service: HTTP and WebSocket in front of the renderer.
 //!
-//! It sees the renderer through its handle only, and nothing of a GPU. A program wires it so:
+//! It sees the renderer through its handle only, and nothing of a GPU. A program wires it as follows:
 //!
 //! ```no_run
 //! # async fn wire(handle: surfelcast_renderer::RendererHandle) -> Result<(), Box<dyn std::error::Error>> {
@@ -8,7 +8,7 @@
 //! use tokio_util::sync::CancellationToken;
 //!
 //! let mut config = ServiceConfig::new("data", concat!("surfelcast/", env!("CARGO_PKG_VERSION")));
-//! config.hosts.push("render.example.org".into()); // names beside localhost and addresses
+//! config.hosts.push("render.example.org".into()); // in addition to localhost and addresses
 //! let scenes = Vec::new(); // `Arc<Scene>`s; the first is the one the page opens
 //! let state = ServiceState::new(handle, scenes, config)?;
 //! let listener = tokio::net::TcpListener::bind("127.0.0.1:8080").await?;
@@ -18,9 +18,9 @@
 //! # }
 //! ```
 //!
-//! Modules: `http` (sockets, routes, one file a resource), `live` (the WebSocket connection), and what both share:
-//! `sessions` and `outgoing` (what the members of a session have in common), `scene_library`, `jobs`. `error` is what
-//! these refuse with; they know no HTTP.
+//! Modules: `http` (accept loop, routes, one file for each resource), `live` (one WebSocket), and what both use:
+//! `sessions`, `outgoing`, `scene_library`, `jobs`. Those know no HTTP; they refuse with a `DomainError`, which `http` maps
+//! to problem documents and `live` to close codes.
 
 mod blocking;
 mod camera;

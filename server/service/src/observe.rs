@@ -1,4 +1,4 @@
-//! Metrics: names, buckets and the recorder behind `/metrics`.
+//! Metrics: their names, buckets and the recorder behind `/metrics`.
 
 use std::sync::OnceLock;
 
@@ -32,11 +32,17 @@ pub(crate) fn recorder() -> PrometheusHandle {
 fn describe() {
     use metrics::{Unit, describe_counter, describe_gauge, describe_histogram};
     let seconds = [
-        ("surfelcast_input_to_send_seconds", "From a camera or light input to the send of the first frame with it."),
-        ("surfelcast_input_to_ack_seconds", "From an input to the acknowledgement of the first frame with it."),
+        (
+            "surfelcast_input_to_send_seconds",
+            "From a camera or light input to the send of the first frame that contains it.",
+        ),
+        (
+            "surfelcast_input_to_ack_seconds",
+            "From an input to the acknowledgement of the first frame that contains it.",
+        ),
         ("surfelcast_frame_render_seconds", "Rendering of a frame."),
         ("surfelcast_frame_queue_seconds", "Wait of a finished frame for its encoder."),
-        ("surfelcast_encode_seconds", "Encoding of a picture."),
+        ("surfelcast_encode_seconds", "Encoding of a frame or a render."),
         ("surfelcast_job_render_seconds", "Rendering of a job."),
         ("surfelcast_job_queue_seconds", "Wait of a job for the renderer."),
         ("surfelcast_round_trip_seconds", "Round trip of a frame and its acknowledgement."),
@@ -48,12 +54,12 @@ fn describe() {
         ("surfelcast_frames_total", "Frames sent, by stage."),
         ("surfelcast_frame_bytes_total", "Bytes of frames sent."),
         ("surfelcast_frames_dropped_total", "Frames rendered but not sent, by reason."),
-        ("surfelcast_acks_late_total", "Acknowledgements that came after the view had stopped for want of them."),
+        ("surfelcast_acks_late_total", "Acknowledgements that came after the view had stopped because none came."),
         ("surfelcast_acks_ignored_total", "Acknowledgements of frames not in flight."),
         ("surfelcast_inputs_total", "Inputs accepted."),
         ("surfelcast_closes_total", "WebSocket connections closed by the server, by code."),
         ("surfelcast_jobs_total", "Renders finished, by status."),
-        ("surfelcast_resumes_total", "Connections that took up an earlier view."),
+        ("surfelcast_resumes_total", "Connections that resumed an earlier view."),
         ("surfelcast_connections_refused_total", "TCP connections over the limit."),
     ];
     for (name, text) in counters {

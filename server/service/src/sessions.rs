@@ -137,7 +137,7 @@ impl Drop for Member {
 }
 
 impl Sessions {
-    /// No session is open. `ended` is cancelled when the service is gone.
+    /// No session is open. `ended` is cancelled when the service has stopped.
     pub(crate) fn new(
         handle: RendererHandle,
         library: Arc<SceneLibrary>,

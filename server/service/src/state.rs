@@ -1,4 +1,4 @@
-//! Everything the handlers share.
+//! The state that all handlers share.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, OnceLock};
@@ -63,8 +63,8 @@ struct Inner {
 }
 
 impl ServiceState {
-    /// The state of one service. `scenes` are always there (the first is the one the page opens); uploads of earlier
-    /// runs are found in the data folder. Fails when that folder cannot be used.
+    /// The state of one service. `scenes` are built in (the page opens the first); uploads of earlier runs are found in the
+    /// data folder. Fails when that folder cannot be used.
     pub fn new(handle: RendererHandle, scenes: Vec<Arc<Scene>>, config: ServiceConfig) -> Result<Self, ServiceError> {
         let csp = content_security_policy(&config);
         let csp = HeaderValue::from_str(&csp).map_err(|_| ServiceError::FrameAncestors(csp))?;

@@ -70,7 +70,7 @@ impl<J: Clone> RenderTable<J> {
     }
 
     /// Refuses when as many renders are active as may be.
-    pub fn check_room(&self) -> Result<(), StoreError> {
+    pub fn check_limit(&self) -> Result<(), StoreError> {
         let limit = self.bounds.active;
         if self.unfinished < limit { Ok(()) } else { Err(StoreError::TooManyRenders { limit }) }
     }
@@ -82,8 +82,8 @@ impl<J: Clone> RenderTable<J> {
         self.active.insert(id.to_owned(), Record { key: key.to_owned(), render, bytes: 0 });
     }
 
-    /// Records that a render has finished with so many bytes. A failed one (`None`) can still be found by its id, but an
-    /// equal request starts again.
+    /// Records that a render has finished, with the bytes of its result. A failed one (`None`) can still be found by its id,
+    /// but an equal request starts again.
     pub fn finish(&mut self, id: &str, bytes: Option<u64>) {
         self.unfinished = self.unfinished.saturating_sub(1);
         let Some(mut record) = self.active.remove(id) else { return };
@@ -171,12 +171,12 @@ mod tests {
         let mut table = table();
         table.insert("a", "1", 1);
         table.insert("b", "2", 2);
-        assert!(matches!(table.check_room(), Err(StoreError::TooManyRenders { limit: 2 })));
+        assert!(matches!(table.check_limit(), Err(StoreError::TooManyRenders { limit: 2 })));
         table.remove("a");
         assert_eq!((table.get("a"), table.active_count()), (None, 2));
         table.finish("a", Some(5));
         assert_eq!((table.get("a"), table.active_count()), (None, 1));
-        assert!(table.check_room().is_ok());
+        assert!(table.check_limit().is_ok());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Request bodies from the network: capped, and never slower than a floor.
+//! Request bodies: bounded in size, and refused when they arrive too slowly.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use tokio::time::Instant;
 use crate::config::Timeouts;
 use crate::http::problem::ApiError;
 
-/// Reads a body piece by piece, enforcing the cap and the rate floor.
+/// Reads a body piece by piece and enforces the size limit and the least rate.
 pub(crate) struct BodyReader {
     stream: axum::body::BodyDataStream,
     field: &'static str,
@@ -39,7 +39,7 @@ impl BodyReader {
 
     /// The next piece; `None` at the end.
     pub(crate) async fn next(&mut self) -> Result<Option<Bytes>, ApiError> {
-        // The floor as a deadline: by when the next byte must have come for the mean rate to hold.
+        // The least rate as a deadline: the time at which the mean rate falls below it without another byte.
         let earned = Duration::from_secs_f64(self.received as f64 / self.timeouts.body_bytes_per_sec.max(1) as f64);
         let floor = self.began + self.timeouts.body_grace + earned;
         let deadline = floor.min(Instant::now() + self.timeouts.body_stall);

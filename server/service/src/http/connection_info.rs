@@ -1,11 +1,11 @@
-//! What the accept loop tells request handlers about their connection.
+//! What request handlers know about their connection.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-/// What a request handler may know of its connection; a request extension.
+/// An extension of every request, set by the accept loop.
 #[derive(Clone, Debug)]
 pub(crate) struct ConnectionInfo {
-    /// Bytes that the socket has accepted so far; WebSocket connections use it to tell a slow client from a stuck one.
+    /// Bytes that the socket has accepted so far; it tells a slow client of a WebSocket from a stuck one.
     pub(crate) written: Arc<AtomicU64>,
 }

@@ -1,6 +1,7 @@
 //! What pages of other, configured origins may do with the HTTP API (the Fetch standard's CORS protocol).
 //!
-//! The answer names the one origin that asked, never `*`, and never allows credentials: the service has none.
+//! The answer names the origin of the request, never `*`, and never allows credentials: the service has none. It is not
+//! `tower-http`'s layer, which answers every `OPTIONS` request itself, with 200, and loses the case of header names.
 
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
@@ -30,7 +31,7 @@ pub(crate) fn is_listed(config: &ServiceConfig, origin: &str) -> bool {
     config.origins.iter().any(|allowed| allowed.trim_end_matches('/').eq_ignore_ascii_case(origin))
 }
 
-/// Whether a browser asks for permission before the request itself.
+/// Whether a browser requests permission before it sends the request itself.
 pub(crate) fn is_preflight(method: &Method, headers: &HeaderMap) -> bool {
     *method == Method::OPTIONS && headers.contains_key(header::ACCESS_CONTROL_REQUEST_METHOD)
 }
@@ -46,7 +47,7 @@ pub(crate) fn preflight() -> Response {
     response
 }
 
-/// Lets the page of a listed origin read an answer. `Vary` stands on every answer, lest a cache hands one origin's
+/// Lets the page of a listed origin read an answer. Every answer carries `Vary`, so that no cache hands one origin's
 /// answer to another.
 pub(crate) fn allow(origin: Option<HeaderValue>, headers: &mut HeaderMap) {
     headers.append(header::VARY, HeaderValue::from_static("Origin"));

@@ -1,8 +1,8 @@
-//! Who may talk to the server: `Host` and `Origin` on every request, and the headers every answer carries.
+//! Checks of `Host` and `Origin` on every request, and the security headers of every answer.
 //!
-//! A browser attaches no secret here, so the two headers are what keeps a hostile page from driving a server on the
-//! user's own machine: `Host` defeats names rebound to its address, `Origin` defeats cross-site requests, WebSocket
-//! upgrades included (browsers apply no same-origin policy to them).
+//! A browser sends no secret to this server, so these two headers are what keeps a hostile page from controlling a server
+//! on the user's own machine: the check of `Host` defeats DNS names rebound to its address, that of `Origin` cross-site
+//! requests, WebSocket upgrades included (browsers apply no same-origin policy to them).
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -16,7 +16,7 @@ use crate::http::cors;
 use crate::http::problem::ApiError;
 use crate::state::ServiceState;
 
-/// Refuses foreign hosts and origins, then adds the security headers to whatever is answered.
+/// Refuses foreign hosts and origins, and adds the security headers to every answer.
 pub(crate) async fn guard(State(state): State<ServiceState>, request: Request, next: Next) -> Response {
     let checked = check(state.config(), state.local_addr(), request.method(), request.headers());
     let origin = cors::listed_origin(state.config(), request.headers());
@@ -77,7 +77,7 @@ fn check(config: &ServiceConfig, local: SocketAddr, method: &Method, headers: &H
     }
 }
 
-/// The value of a header that may stand only once.
+/// The value of a header that a request may carry only once.
 fn single<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Result<Option<&'a str>, ApiError> {
     let mut values = headers.get_all(name).iter();
     let first = values.next();
@@ -113,7 +113,7 @@ fn is_host_allowed(config: &ServiceConfig, local: SocketAddr, name: &str) -> boo
 }
 
 fn is_origin_allowed(config: &ServiceConfig, origin: &str, host: &str) -> bool {
-    // TLS may end at a proxy, so the scheme is not compared; the host and port are.
+    // TLS may end at a proxy, so only host and port are compared, not the scheme.
     let own = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
     cors::is_listed(config, origin) || own.is_some_and(|own| own.eq_ignore_ascii_case(host))
 }

@@ -25,13 +25,13 @@ pub(crate) struct VersionInfo {
     techniques: Vec<&'static str>,
 }
 
-/// Whether the process lives. True while draining, so that it is not killed before it has finished.
+/// Whether the process is alive. True while draining, so that a supervisor does not end it before it has finished.
 #[utoipa::path(get, path = "/healthz", tag = "operation", responses((status = 200, description = "Alive")))]
 pub(crate) async fn healthz() -> Json<serde_json::Value> {
     Json(serde_json::json!({"status": "alive"}))
 }
 
-/// Whether new work is welcome: not while starting, draining, without a device, or with a full queue.
+/// Whether new work is accepted: not while starting, draining, without a device, or with a full queue.
 #[utoipa::path(get, path = "/readyz", tag = "operation",
     responses((status = 200, description = "Ready"), (status = 503, description = "Not ready; the detail says why")))]
 pub(crate) async fn readyz(State(state): State<ServiceState>) -> Response {

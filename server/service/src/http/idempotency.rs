@@ -1,6 +1,7 @@
-//! `Idempotency-Key`: a request sent twice does its work once.
+//! `Idempotency-Key`: a request that is sent twice does its work once.
 //!
-//! 409 while the first is being answered, 422 when the same key comes with another body, else the first answer again.
+//! 409 while the first request is being answered, 422 when the same key comes with another body, otherwise the job of the
+//! first request again.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,14 +23,14 @@ pub(crate) struct Idempotency(Arc<Mutex<IdempotencyKeys>>);
 /// What to do with a request that carries a key.
 #[derive(Debug)]
 pub(crate) enum Begin {
-    /// Do the work; report the job to the guard.
+    /// Do the work, then report its job by [`InFlight::made`].
     First(InFlight),
     /// The work was done before, as this job.
     Repeat(String),
 }
 
-/// The first request of a key, until it is answered. Dropped without a job (an error, a client that left) the key is
-/// free again.
+/// The first request of a key, until it is answered. If it is dropped without a job (after an error, or when the client
+/// disconnects), the key is free again.
 #[derive(Debug)]
 pub(crate) struct InFlight {
     keys: Idempotency,

@@ -1,6 +1,6 @@
-//! The accept loop: connections counted, headers and writes timed, requests drained at the end.
+//! The accept loop: it bounds the number of connections, times headers and writes, and drains requests at the end.
 //!
-//! `axum::serve` gives hyper no timer, so its header timeout would never fire; hence this loop.
+//! `axum::serve` gives hyper no timer, so its header timeout would never fire; hence a loop of our own.
 
 use std::collections::HashMap;
 use std::io;
@@ -30,7 +30,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// How often metrics fold their samples.
 const UPKEEP: Duration = Duration::from_secs(5);
 
-/// Serves until `shutdown`, then drains: readiness fails, WebSocket clients are told and closed with 1012, requests in
+/// Serves until `shutdown`, then drains: `/readyz` fails, WebSocket clients get a notice and close code 1012, requests in
 /// flight may finish until the drain deadline. Returns when all connections have ended or the deadline has passed.
 pub async fn run(listener: TcpListener, state: ServiceState, shutdown: CancellationToken) -> io::Result<()> {
     let local = listener.local_addr()?;
@@ -143,13 +143,13 @@ impl Drop for Slot {
     }
 }
 
-/// A socket that counts what it sends and fails when a write makes no progress for too long.
+/// A socket that counts the bytes it sends and fails when a write makes no progress for too long.
 struct TimedIo {
     socket: TcpStream,
     written: Arc<AtomicU64>,
     stall: Duration,
     deadline: Option<Pin<Box<Sleep>>>,
-    /// Given back when the socket closes, be it a request's or a WebSocket's.
+    /// Released when the socket closes, whether it carried requests or a WebSocket.
     _slot: Slot,
 }
 
@@ -225,6 +225,6 @@ mod tests {
         let third = slots.take(ip(2), 3, 2).expect("free");
         assert!(slots.take(ip(3), 3, 2).is_none(), "three in total");
         drop((first, second, third));
-        assert!(slots.0.lock().is_empty(), "nothing is kept of the gone");
+        assert!(slots.0.lock().is_empty(), "closed connections leave no entry");
     }
 }

@@ -1,5 +1,8 @@
-//! `multipart/form-data` (RFC 7578), read as it arrives: never more in memory than a piece of the network's size, a
-//! delimiter, and the bounded head of a part.
+//! `multipart/form-data` (RFC 7578), read as it arrives: memory holds one piece of the network's size, a delimiter, and
+//! the bounded head of a part, never more.
+//!
+//! That bound is why this is not `multer`: it polls its source until nothing is ready, so a fast client makes it buffer
+//! the whole upload, and it bounds neither a part's head nor what stands before the first part.
 
 use axum::http::{HeaderMap, header};
 use bytes::{Bytes, BytesMut};
@@ -9,10 +12,10 @@ use crate::http::problem::ApiError;
 
 /// Longest boundary (RFC 2046).
 const MAX_BOUNDARY: usize = 70;
-/// Bytes of a part's header fields; also of what may stand before the first part.
+/// Bytes of a part's header fields, and of what may stand before the first part.
 const MAX_HEAD: usize = 4 << 10;
 
-/// Where the reader stands.
+/// Position of the reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     BeforeFirst,
@@ -111,7 +114,7 @@ impl Multipart {
         Ok(whole)
     }
 
-    /// Takes the buffer's beginning up to the end of `needle`, which must come soon.
+    /// Takes the buffer's beginning up to the end of `needle`, which must come within [`MAX_HEAD`] bytes.
     async fn take_through(&mut self, needle: &[u8], what: &str) -> Result<BytesMut, ApiError> {
         loop {
             match find(&self.buffer, needle) {

@@ -1,4 +1,4 @@
-//! The one error type of HTTP: everything a client sees as an error is `application/problem+json`.
+//! The error type of HTTP: every error that a client sees is an `application/problem+json` document.
 
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -29,7 +29,7 @@ impl ApiError {
         Self::new(StatusCode::BAD_REQUEST, "bad_request", detail)
     }
 
-    /// 422: well formed, but a value cannot be.
+    /// 422: well formed, but a value is not allowed.
     pub(crate) fn unprocessable(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::UNPROCESSABLE_ENTITY, "invalid_value", detail)
     }

@@ -49,7 +49,7 @@ pub(crate) struct RenderInfo {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     error_estimate: Option<ErrorEstimate>,
-    /// Where the picture is, or will be.
+    /// Path of the image, also while there is none yet.
     image: String,
     /// Measurements of a finished render.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -156,11 +156,11 @@ fn measurements(output: &RenderOutput) -> serde_json::Value {
     })
 }
 
-/// Renders a picture: at once with `Prefer: wait=N` and an image type in `Accept`, else as a job.
+/// Renders an image: at once with `Prefer: wait=N` and an image type in `Accept`, else as a job.
 #[utoipa::path(post, path = "/v1/renders", tag = "renders", request_body = RenderBody,
-    params(("Prefer" = Option<String>, Header, description = "wait=N answers with the picture if done within N seconds"),
+    params(("Prefer" = Option<String>, Header, description = "wait=N answers with the image if it is finished within N seconds"),
         ("Idempotency-Key" = Option<String>, Header, description = "A request sent twice does its work once")),
-    responses((status = 200, description = "The picture, or the finished job for Accept: application/json",
+    responses((status = 200, description = "The image, or the finished job for Accept: application/json",
             headers(("Surfelcast-Error-Rmse" = f32, description = "Audited RMSE after the tone map"),
                 ("Surfelcast-Error-Std" = f32, description = "Standard error of Surfelcast-Error-Rmse"),
                 ("Surfelcast-Samples" = u32, description = "Samples a pixel"),
@@ -206,7 +206,7 @@ pub(crate) async fn create(
     let mut response = match wait {
         Some(wait) if tokio::time::timeout(wait, job.finished()).await.is_ok() => match format {
             Representation::Json => Json(RenderInfo::of(&job)).into_response(),
-            Representation::Image(format) => picture(&state, &job, format, &headers, false).await?,
+            Representation::Image(format) => image_response(&state, &job, format, &headers, false).await?,
         },
         _ => {
             let location = format!("/v1/renders/{}", job.id);
@@ -241,7 +241,7 @@ async fn submit(
     }
     let scene = state.scenes().load(&entry).await?;
     let render = spec.resolve(scene, &status, &config.bounds, &config.server)?;
-    // An answer nobody can accept is refused before the work, not after.
+    // If no acceptable answer exists, the request is refused before the work, not after it.
     if wait.is_some() {
         choose(headers, &acceptable(render.job.aov.is_some()))?;
     }
@@ -273,7 +273,7 @@ pub(crate) async fn get(State(state): State<ServiceState>, Path(id): Path<String
     })
 }
 
-/// The picture of a finished render, in the type `Accept` likes best.
+/// The image of a finished render, in the type that `Accept` prefers.
 #[utoipa::path(get, path = "/v1/renders/{id}/image", tag = "renders",
     params(("id" = String, Path, description = "Render id")),
     responses((status = 200, description = "PNG, JPEG, WebP or EXR (linear, unexposed)",
@@ -291,25 +291,25 @@ pub(crate) async fn image(
     let job = find(&state, &id)?;
     let available: Vec<_> = job.formats().iter().map(|format| Representation::Image(*format)).collect();
     match choose(&headers, &available)? {
-        Representation::Image(format) => picture(&state, &job, format, &headers, true).await,
+        Representation::Image(format) => image_response(&state, &job, format, &headers, true).await,
         Representation::Json => Ok(Json(RenderInfo::of(&job)).into_response()),
     }
 }
 
-/// Cancels a render. One that had finished stays as it is and keeps its picture; a canceled one has none, however many
-/// samples were taken, and asking for it again starts it anew.
+/// Cancels a render. A finished one stays as it is and keeps its image; a canceled one has none, whatever it had
+/// accumulated, and an equal request starts it from the beginning.
 #[utoipa::path(post, path = "/v1/renders/{id}/cancel", tag = "renders",
     params(("id" = String, Path, description = "Render id")),
     responses((status = 202, body = RenderInfo), (status = 404, description = "No such render")))]
 pub(crate) async fn cancel(State(state): State<ServiceState>, Path(id): Path<String>) -> Result<Response, ApiError> {
     let job = find(&state, &id)?;
     job.cancel();
-    // The renderer gives a job up between two dispatches, so the outcome is usually here at once.
+    // The renderer checks for a cancel between two dispatches, so the outcome usually comes at once.
     let _ = tokio::time::timeout(Duration::from_secs(1), job.finished()).await;
     Ok((StatusCode::ACCEPTED, Json(RenderInfo::of(&job))).into_response())
 }
 
-/// Cancels and forgets a render.
+/// Cancels a render and deletes it.
 #[utoipa::path(delete, path = "/v1/renders/{id}", tag = "renders",
     params(("id" = String, Path, description = "Render id")),
     responses((status = 204, description = "Gone"), (status = 404, description = "No such render")))]
@@ -324,8 +324,8 @@ fn find(state: &ServiceState, id: &str) -> Result<Arc<Job>, ApiError> {
     state.jobs().get(id).ok_or_else(|| ApiError::not_found(detail))
 }
 
-/// The picture with its headers. `may_be_known`: `If-None-Match` applies (safe methods only).
-async fn picture(
+/// The image with its headers. `may_be_known`: `If-None-Match` applies (safe methods only).
+async fn image_response(
     state: &ServiceState,
     job: &Arc<Job>,
     format: ImageFormat,

@@ -1,4 +1,4 @@
-//! All routes in one table.
+//! The table of all routes.
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;

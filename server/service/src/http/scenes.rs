@@ -130,7 +130,7 @@ pub(crate) async fn upload(
     };
     let config = state.config();
     let mut reader = BodyReader::new(body, &headers, "body", config.bounds.upload_bytes, config.timeouts)?;
-    // Removed on every path out of here unless the store takes it.
+    // Deleted on every path out of here unless the library takes it.
     let file = state.scenes().new_upload()?;
     let handle = file.as_file().try_clone().map_err(|e| ApiError::internal(&e))?;
     let mut writer = tokio::fs::File::from_std(handle);
@@ -151,7 +151,7 @@ pub(crate) async fn upload(
     Ok((status, [(header::LOCATION, location)], Json(SceneInfo::of(&entry))).into_response())
 }
 
-/// Writes the part `scene` to the file and returns the part `view`; both may stand once, in any order.
+/// Writes the part `scene` to the file and returns the part `view`; each may occur once, in any order.
 async fn read_form(
     mut form: Multipart,
     writer: &mut tokio::fs::File,

@@ -180,7 +180,7 @@ async fn narrow_client(service: &Service) -> Client {
 async fn a_frozen_reader_is_let_go_and_disturbs_nobody() {
     let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.ack_close = Duration::from_mins(1)).await;
     let mut frozen = narrow_client(&service).await;
-    // Lossless pictures of noise, 3 MB each: the socket buffers fill at once.
+    // Lossless frames of noise, 3 MB each: the socket buffers fill at once.
     frozen.send(json!({"t": "view.set", "w": 1280, "h": 800})).await;
     frozen.look_from(2.0, "end").await;
     let mut lively = service.client().await;

@@ -11,7 +11,7 @@ use crate::fake::FakeBehaviour;
 use crate::support::Service;
 
 #[tokio::test]
-async fn health_and_readiness_tell_different_things() {
+async fn health_and_readiness_differ() {
     let service = Service::start().await;
     assert_eq!(service.get("/readyz").await.status, StatusCode::OK);
     for (state, reason) in [
@@ -116,7 +116,7 @@ async fn cross_origin(service: &Service, method: Method, path: &str, extra: &[(&
 #[tokio::test]
 async fn pages_of_listed_origins_may_read_answers() {
     let service = Service::with(FakeBehaviour::default(), |c| c.origins.push(format!("{APP}/"))).await;
-    // Errors too: a page must be able to tell why.
+    // Errors too: a page must be able to show why.
     for (path, status) in [("/v1/scenes", 200), ("/v1/renders/none", 404), ("/version", 200)] {
         let answer = cross_origin(&service, Method::GET, path, &[("origin", APP)]).await;
         assert_eq!(answer.status.as_u16(), status);
@@ -159,7 +159,7 @@ async fn preflights_of_listed_origins_are_answered() {
 }
 
 #[tokio::test]
-async fn text_is_compressed_for_who_wants_it() {
+async fn text_is_compressed_where_accepted() {
     let service = Service::start().await;
     let get = |path: &'static str, extra: Vec<(&'static str, String)>| {
         let mut request = Request::get(path).header("host", "localhost");

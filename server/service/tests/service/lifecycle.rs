@@ -49,7 +49,7 @@ async fn light_edits_outlive_a_short_absence() {
 }
 
 #[tokio::test]
-async fn a_view_can_be_taken_up_again() {
+async fn a_view_can_be_resumed() {
     let service = Service::with(FakeBehaviour::default(), |c| c.timeouts.reconnect = Duration::ZERO).await;
     let mut client = service.client().await;
     client.small().await;
@@ -122,7 +122,7 @@ async fn sessions_are_bounded_and_refusals_have_codes() {
 }
 
 #[tokio::test]
-async fn a_lost_device_is_told_and_survived() {
+async fn a_lost_device_is_announced_and_survived() {
     let service = Service::start().await;
     let mut client = service.client().await;
     client.small().await;

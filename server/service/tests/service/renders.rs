@@ -1,4 +1,4 @@
-//! Renders over HTTP: the picture, its job, its tag, and doing things once.
+//! Renders over HTTP: the image, its job, its entity tag, and idempotency.
 
 use std::time::Duration;
 
@@ -27,7 +27,7 @@ fn renders(service: &Service) -> usize {
 }
 
 #[tokio::test]
-async fn a_picture_at_once_in_every_format() {
+async fn an_image_at_once_in_every_format() {
     let service = Service::start().await;
     for (accept, mime) in [
         ("image/png", "image/png"),
@@ -151,7 +151,7 @@ async fn unacceptable_answers_are_refused_before_the_work() {
     let answer = render(&service, &[("accept", "image/avif"), ("prefer", "wait=5")], json!({})).await;
     assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::NOT_ACCEPTABLE, "not_acceptable"));
     let data = render(&service, &[("accept", "image/png"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
-    assert_eq!(data.status, StatusCode::NOT_ACCEPTABLE, "depth is no picture");
+    assert_eq!(data.status, StatusCode::NOT_ACCEPTABLE, "depth is no image");
     assert_eq!(renders(&service), 0);
     let exr = render(&service, &[("accept", "image/x-exr"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
     assert_eq!((exr.status, exr.header("surfelcast-error-rmse")), (StatusCode::OK, ""));
@@ -234,7 +234,7 @@ async fn the_api_description_lists_presets_knobs_and_outputs() {
 }
 
 #[tokio::test]
-async fn the_api_description_names_every_header_of_a_picture() {
+async fn the_api_description_names_every_header_of_an_image() {
     let service = Service::start().await;
     let answer = render(&service, &[("accept", "image/png"), ("prefer", "wait=10")], json!({})).await;
     let document = service.get("/v1/openapi.json").await.json();
@@ -300,7 +300,7 @@ async fn failures_have_their_status() {
     assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::SERVICE_UNAVAILABLE, "device_lost"));
     assert!(!answer.header("retry-after").is_empty());
     assert_eq!(renders(&service), 3, "nothing is sent twice");
-    assert_eq!(ask(1).await.status, StatusCode::OK, "failures are not remembered");
+    assert_eq!(ask(1).await.status, StatusCode::OK, "failures are not kept");
     service.fake.set_state(DeviceState::Lost);
     assert_eq!(ask(9).await.problem(), "no_device");
 }

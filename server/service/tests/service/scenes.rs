@@ -1,4 +1,4 @@
-//! Uploads: what is taken, what is refused, what is still there after a restart.
+//! Uploads: what is accepted, what is refused, what is still stored after a restart.
 
 use axum::body::Body;
 use axum::http::{Request, StatusCode};
@@ -70,7 +70,7 @@ async fn a_view_can_come_with_the_scene() {
     assert_eq!(upload().await.status, StatusCode::OK);
     let plain = service.post("/v1/scenes", &FORM, form(&[("scene", &gltf(2.0))])).await;
     assert_eq!((plain.status, &plain.json()["id"]), (StatusCode::OK, &bare.json()["id"]));
-    // Loaded anew from disk it is still the scene that its id names.
+    // Loaded from disk again, it is still the scene that its id names.
     service.post("/v1/scenes", &GLTF, gltf(5.0)).await;
     let body = json!({"scene": scene["id"], "camera_name": "door", "width": 8, "height": 8}).to_string();
     let headers = [("content-type", "application/json"), ("prefer", "wait=10")];
@@ -152,7 +152,7 @@ async fn uploads_survive_a_restart_and_leave_no_rubbish() {
         names
     };
     let hex = stored.json()["id"].as_str().expect("an id")["sha256:".len()..].to_owned();
-    assert_eq!(names(), [format!("{hex}.json"), format!("{hex}.scene")], "temporary files are gone");
+    assert_eq!(names(), [format!("{hex}.json"), format!("{hex}.scene")], "temporary files are deleted");
     drop(first);
     std::fs::write(dir.path().join("scenes/torn.json"), "{\"id\":").expect("writes");
     let second = start();
