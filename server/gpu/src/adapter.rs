@@ -1,19 +1,20 @@
-//! Adapters: what there is, what of it is usable, which one is taken.
+//! Adapters: which exist, which of them are usable, which one is chosen.
 
 use std::fmt;
 
 use crate::error::GpuError;
+use crate::wait::ready;
 
 /// What kind of device an adapter is, best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AdapterKind {
-    /// A card of its own.
+    /// A graphics card.
     Discrete,
-    /// Part of the processor.
+    /// Integrated into the processor.
     Integrated,
     /// A share of a card in a virtual machine.
     Virtual,
-    /// The driver does not say.
+    /// The driver does not report it.
     Other,
     /// A software renderer.
     Cpu,
@@ -31,7 +32,7 @@ impl fmt::Display for AdapterKind {
     }
 }
 
-/// What a device can do beyond what every device must; each tier contains the one before.
+/// Optional abilities of a device; each tier contains the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
     /// The minimum.
@@ -49,7 +50,7 @@ impl fmt::Display for Tier {
     }
 }
 
-/// The limits of a device that matter here.
+/// The limits of a device that are used here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuLimits {
     /// Largest buffer, bytes.
@@ -88,8 +89,8 @@ impl From<&wgpu::Limits> for GpuLimits {
     }
 }
 
-/// What every device must offer. The binding size is WebGPU's floor; storage buffers are what the general variant of a
-/// path kernel binds, which Vulkan drivers of the last ten years exceed.
+/// Minimum of every device. The binding size is WebGPU's minimum; the number of storage buffers is what the general
+/// variant of a path kernel binds, which Vulkan drivers of the last ten years exceed.
 const REQUIRED: GpuLimits = GpuLimits {
     buffer_bytes: 128 << 20,
     storage_binding_bytes: 128 << 20,
@@ -103,7 +104,7 @@ const REQUIRED: GpuLimits = GpuLimits {
 };
 
 impl GpuLimits {
-    /// The first limit that is too small, in words.
+    /// The first limit that is too small, as a message.
     fn check(&self) -> Result<(), String> {
         let required = [
             ("buffer_bytes", self.buffer_bytes, REQUIRED.buffer_bytes),
@@ -138,7 +139,7 @@ impl GpuLimits {
     }
 }
 
-/// What is known of an adapter.
+/// An adapter as reported by its driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterReport {
     /// Position in the list; `--adapter` takes it.
@@ -184,7 +185,27 @@ impl AdapterReport {
     }
 }
 
-/// Percentage of the memory the driver reports beyond which creating a buffer fails, before the device itself would.
+/// Format of targets: 32-bit floats where the device can blend them, else 16-bit ones. The reason where it can blend
+/// neither.
+pub(crate) fn target_format(adapter: &wgpu::Adapter) -> Result<wgpu::TextureFormat, String> {
+    if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::VERTEX_STORAGE) {
+        return Err(
+            "this device cannot draw: it has no VERTEX_STORAGE, vertex shaders see no storage buffer".to_owned()
+        );
+    }
+    if adapter.features().contains(wgpu::Features::FLOAT32_BLENDABLE) {
+        return Ok(wgpu::TextureFormat::Rgba32Float);
+    }
+    let half = adapter.get_texture_format_features(wgpu::TextureFormat::Rgba16Float);
+    let can_draw = half.allowed_usages.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+    if can_draw && half.flags.contains(wgpu::TextureFormatFeatureFlags::BLENDABLE) {
+        return Ok(wgpu::TextureFormat::Rgba16Float);
+    }
+    Err("this device cannot draw: it has neither FLOAT32_BLENDABLE nor blendable rgba16float targets".to_owned())
+}
+
+/// Percentage of the memory reported by the driver beyond which creating a buffer fails, before the device itself
+/// would.
 const DRIVER_MEMORY_PERCENT: u8 = 95;
 
 fn instance() -> wgpu::Instance {
@@ -194,7 +215,7 @@ fn instance() -> wgpu::Instance {
 }
 
 fn enumerate() -> Vec<(AdapterReport, wgpu::Adapter)> {
-    let found = crate::device::ready(instance().enumerate_adapters(wgpu::Backends::all())).unwrap_or_default();
+    let found = ready(instance().enumerate_adapters(wgpu::Backends::all())).unwrap_or_default();
     found.into_iter().enumerate().map(|(index, adapter)| (AdapterReport::new(index, &adapter), adapter)).collect()
 }
 

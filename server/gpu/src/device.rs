@@ -1,13 +1,10 @@
 //! The device: opening it, its memory, its loss.
 
 use std::fmt;
-use std::future::Future;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -15,25 +12,24 @@ use surfelcast_shaders::Features;
 
 use crate::adapter::{self, AdapterKind, AdapterReport, GpuLimits, Tier};
 use crate::error::GpuError;
-use crate::graph::Graph;
 use crate::kernel::{Kernel, KernelStore};
 use crate::memory::{Buffer, BufferInner, MemoryKind, MemoryLedger, MemoryUse, next_id};
 use crate::pipeline_cache;
 use crate::staging::StagingRing;
-use crate::target;
 use crate::tracker::{ErrorTracker, TrackedError};
+use crate::wait::ready;
 
-/// Bytes handed to the driver at once when uploading, so that its own staging stays small.
+/// Bytes passed to the driver at once when uploading, so that its own staging stays small.
 const UPLOAD_CHUNK_BYTES: usize = 16 << 20;
-/// Budget of a card when nothing else is said: wgpu cannot tell how much memory it has.
+/// Default budget of a graphics card: wgpu does not report how much memory it has.
 const DEFAULT_BUDGET_BYTES: u64 = 4 << 30;
-/// A submission that takes longer is taken for a hanging driver, when nothing else is said.
+/// Default time after which an unfinished submission counts as a hanging driver.
 const DEFAULT_SUBMISSION_LIMIT: Duration = Duration::from_secs(30);
-/// The same for CPU devices. They compile at the first dispatch and share the cores with whatever else runs: one on a crowded
-/// machine was taken for hanging by the limit for cards.
+/// The same for CPU devices, which compile at the first dispatch and share the cores with other processes: the limit
+/// for cards was observed to fail on a busy machine.
 const CPU_SUBMISSION_LIMIT: Duration = Duration::from_mins(5);
 
-/// How passes are timed, and with that how they are submitted.
+/// How passes are timed, which determines how they are submitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassTiming {
     /// Each pass is a submission of its own, timed around submitting and waiting.
@@ -53,7 +49,8 @@ pub struct GpuOptions {
     pub memory_budget_bytes: Option<u64>,
     /// Wall clock on CPU devices, whose timestamps mean nothing, and timestamps on others otherwise.
     pub pass_timing: Option<PassTiming>,
-    /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise, 300 on CPU devices.
+    /// Longest time to wait for submitted work before the device counts as lost; 30 seconds otherwise, 300 on CPU
+    /// devices.
     pub submission_limit: Option<Duration>,
     /// Lets [`Gpu::force_loss`] work. For tests.
     pub allow_forced_loss: bool,
@@ -71,7 +68,7 @@ pub(crate) struct Inner {
     pub(crate) id: u64,
     pub(crate) report: AdapterReport,
     pub(crate) timing: PassTiming,
-    /// Whether timestamps are wanted and to be had.
+    /// Whether passes are timed by timestamps and the device has them.
     pub(crate) has_timestamps: bool,
     /// Whether every pass has an error scope of its own.
     pub(crate) checks_passes: bool,
@@ -90,7 +87,7 @@ pub(crate) struct Inner {
     allows_forced_loss: bool,
 }
 
-/// Whether the device is gone, and why. The first reason stays.
+/// Whether the device is lost, and why. The first reason is kept.
 #[derive(Default)]
 struct Loss {
     reason: OnceLock<String>,
@@ -176,7 +173,7 @@ impl Gpu {
             staging: StagingRing::default(),
             uniforms: Mutex::new(None),
             pipeline_cache,
-            target_format: target::target_format(&adapter),
+            target_format: adapter::target_format(&adapter),
             loss,
             errors,
             allows_forced_loss: options.allow_forced_loss,
@@ -185,7 +182,7 @@ impl Gpu {
         Ok(Gpu { inner: Arc::new(inner) })
     }
 
-    /// The adapter behind the device.
+    /// The adapter of the device.
     pub fn info(&self) -> &AdapterReport {
         &self.inner.report
     }
@@ -195,8 +192,8 @@ impl Gpu {
         self.inner.report.kind == AdapterKind::Cpu
     }
 
-    /// Whether kernels are compiled when they first run, whoever made them ready: so software renderers do, and nothing is gained
-    /// by making one ready while another serves.
+    /// Whether the driver compiles a kernel when it first runs, whenever it was requested, as software renderers do:
+    /// then preparing one while another serves gains nothing.
     pub fn compiles_when_run(&self) -> bool {
         self.is_cpu()
     }
@@ -221,7 +218,7 @@ impl Gpu {
         self.inner.errors.errors()
     }
 
-    /// Whether the device is gone.
+    /// Whether the device is lost.
     pub fn is_lost(&self) -> bool {
         self.inner.loss.lost.load(Ordering::Acquire)
     }
@@ -232,7 +229,7 @@ impl Gpu {
         self.inner.kernels.get(&self.inner, name, features)
     }
 
-    /// Ends background compilation and waits for what is in hand; call before the process ends.
+    /// Ends background compilation and waits for the kernel being compiled; call before the process ends.
     pub fn stop_preparing(&self) {
         self.inner.kernels.stop();
     }
@@ -250,12 +247,13 @@ impl Gpu {
         }
     }
 
-    /// The kernel, if it has been compiled. A kernel whose compilation failed is never ready; [`Gpu::kernel`] says why.
+    /// The kernel, if it has been compiled. A kernel whose compilation failed is never ready; [`Gpu::kernel`] returns
+    /// the error.
     pub fn kernel_if_ready(&self, name: &str, features: Features) -> Option<Kernel> {
         self.inner.kernels.if_ready(name, features)
     }
 
-    /// Makes a buffer of zeros. Fails before the driver is asked when the budget does not hold it.
+    /// Allocates a buffer of zeros. Fails before the driver is called where the budget is exceeded.
     pub fn buffer(&self, label: &str, kind: MemoryKind, size_bytes: u64) -> Result<Buffer, GpuError> {
         self.make_buffer(label, kind, size_bytes, false)
     }
@@ -269,7 +267,7 @@ impl Gpu {
         let inner = &self.inner;
         inner.check()?;
         let limit = self.limits().buffer_bytes.min(self.limits().storage_binding_bytes);
-        // Whole vectors, so that an empty list still is a buffer and copies are aligned.
+        // Rounded up to whole vectors, so that an empty list is a valid buffer and copies are aligned.
         let rounded = size.max(1).checked_next_multiple_of(16).filter(|&rounded| rounded <= limit);
         let Some(size_bytes) = rounded else {
             return Err(GpuError::TooLarge { field: label.to_owned(), needed: size, limit });
@@ -319,7 +317,7 @@ impl Gpu {
         let mut at = offset;
         for (index, chunk) in bytes.chunks(UPLOAD_CHUNK_BYTES).enumerate() {
             if index > 0 {
-                // Lets the driver free the staging of the chunk before.
+                // Lets the driver free the staging memory of the previous chunk.
                 let submitted = inner.queue.submit(std::iter::empty());
                 inner.wait_for(&submitted, inner.submission_limit, "upload")?;
             }
@@ -332,12 +330,7 @@ impl Gpu {
         inner.check()
     }
 
-    /// Starts an empty frame graph.
-    pub fn graph(&self, label: &str) -> Graph {
-        Graph::new(self.clone(), label)
-    }
-
-    /// Destroys the device, as a driver does that resets: every later call answers [`GpuError::DeviceLost`].
+    /// Destroys the device, as a driver reset does: every later call returns [`GpuError::DeviceLost`].
     pub fn force_loss(&self) -> Result<(), GpuError> {
         if !self.inner.allows_forced_loss {
             return Err(GpuError::ForcedLossNotAllowed);
@@ -356,7 +349,7 @@ impl fmt::Debug for Gpu {
 }
 
 impl Inner {
-    /// Fails once the device is gone.
+    /// Fails once the device is lost.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         if self.loss.lost.load(Ordering::Acquire) {
             let reason = self.loss.reason.get().cloned().unwrap_or_default();
@@ -378,7 +371,7 @@ impl Inner {
         self.loss.mark(reason);
     }
 
-    /// Runs `call` and turns an error of the driver into ours. `bytes` is what it allocates.
+    /// Runs `call` and converts an error of the driver into ours. `bytes` is what it allocates.
     pub(crate) fn scoped<T>(&self, context: &str, bytes: u64, call: impl FnOnce() -> T) -> Result<T, GpuError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
@@ -398,9 +391,9 @@ impl Inner {
         }
     }
 
-    /// Asks the driver for progress. Whether everything asked for is done.
+    /// Polls the driver. Returns whether the work waited for is done.
     pub(crate) fn poll(&self, how: wgpu::PollType) -> Result<bool, GpuError> {
-        // wgpu panics when the driver reports a loss while being waited for; that is a loss like any other.
+        // wgpu panics where the driver reports a loss during the wait; this is a loss like any other.
         match catch_unwind(AssertUnwindSafe(|| self.device.poll(how))) {
             Ok(Ok(status)) => {
                 self.check()?;
@@ -451,14 +444,6 @@ fn open_pipeline_cache(device: &wgpu::Device, path: PathBuf) -> (PathBuf, wgpu::
     // tells apart, and its checksum has been verified.
     let cache = unsafe { device.create_pipeline_cache(&descriptor) };
     (path, cache)
-}
-
-/// The value of a future that is ready at once, as all of wgpu's are on native platforms.
-pub(crate) fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(value) => Some(value),
-        Poll::Pending => None,
-    }
 }
 
 fn half_of_system_memory() -> u64 {

@@ -1,6 +1,6 @@
 //! What can go wrong on the GPU.
 
-/// Why a call failed. Cheap to clone, so that a failed compilation can be told to everyone who asks for it.
+/// Why a call failed. Cheap to clone, so that a failed compilation can be returned to every caller.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
     /// No adapter can be used.
@@ -16,10 +16,10 @@ pub enum GpuError {
     Open {
         /// Name.
         adapter: String,
-        /// The driver's words.
+        /// Message of the driver.
         message: String,
     },
-    /// The memory budget does not hold it, or the driver has no more.
+    /// It exceeds the memory budget, or the driver is out of memory.
     #[error(
         "GPU memory: `{field}` needs {needed} bytes and {free} are free; close sessions, make pictures smaller or raise the memory budget"
     )]
@@ -31,7 +31,7 @@ pub enum GpuError {
         /// Bytes left of the budget; 0 where the driver itself ran out.
         free: u64,
     },
-    /// Larger than the device can ever bind.
+    /// Larger than the largest binding of the device.
     #[error(
         "`{field}` needs {needed} bytes, this device binds at most {limit}; use a smaller scene or picture, or another adapter"
     )]
@@ -43,10 +43,10 @@ pub enum GpuError {
         /// Bytes.
         limit: u64,
     },
-    /// The device is gone; open a new one.
+    /// The device is lost; open a new one.
     #[error("the GPU device was lost: {reason}")]
     DeviceLost {
-        /// The driver's words, or ours.
+        /// Message of the driver, or ours.
         reason: String,
     },
     /// A kernel does not link, compile or fit the device.
@@ -57,14 +57,14 @@ pub enum GpuError {
         /// Why.
         message: String,
     },
-    /// A pass binds what its kernel does not want, or does not bind what it wants.
+    /// A pass binds what its kernel does not declare, or lacks a binding that it declares.
     #[error("pass `{pass}`, binding `{name}`: {problem}")]
     Binding {
         /// Label of the pass.
         pass: String,
         /// Name of the binding.
         name: String,
-        /// What is wrong and what would be right.
+        /// What is wrong and what would be correct.
         problem: String,
     },
     /// A call breaks a rule of the device.
@@ -89,7 +89,7 @@ pub enum GpuError {
 }
 
 impl GpuError {
-    /// Whether the device must be opened anew.
+    /// Whether a new device must be opened.
     pub fn is_device_lost(&self) -> bool {
         matches!(self, GpuError::DeviceLost { .. } | GpuError::Timeout { .. })
     }

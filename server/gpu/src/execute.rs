@@ -1,7 +1,7 @@
-//! Running a graph: encoding, timing, waiting, bringing bytes back.
+//! Running a graph: encoding, timing, waiting, reading bytes back.
 //!
-//! GPUs get one submission with a pair of timestamps around each pass. CPU devices get one submission a pass, timed by
-//! the wall clock around submitting and waiting, since their timestamps are wrong ([`PassTiming`]).
+//! On GPUs a graph is one submission with a pair of timestamps around each pass. On CPU devices it is one submission a
+//! pass, timed by the wall clock around submitting and waiting, since their timestamps are wrong ([`PassTiming`]).
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::graph::{Bound, Graph, Pass, PassWork, ReadBack, Step, Ticket};
 use crate::kernel::Pipeline;
 use crate::staging::StagingBuffer;
 
-/// Passes of one graph that have timestamps; the others count as taking no time.
+/// Passes of one graph that have timestamps; the time of further ones counts as zero.
 const TIMED_PASSES: usize = 1024;
 const TIMESTAMP_BYTES: u64 = 8;
 
@@ -29,7 +29,7 @@ pub struct PassTime {
     pub dispatches: u32,
 }
 
-/// What a finished graph brings back.
+/// Results of a finished graph.
 #[derive(Debug, Clone)]
 pub struct GraphReport {
     /// In order of first dispatch.
@@ -54,7 +54,7 @@ impl GraphReport {
     }
 }
 
-/// A graph on its way. Dropping it lets the work finish unseen.
+/// A submitted graph. Dropping it lets the work finish without a report.
 #[must_use = "a submission is waited for, or its times and bytes are lost"]
 pub struct Submission {
     gpu: Gpu,
@@ -96,11 +96,11 @@ impl Mapping {
         Mapping { buffer, bytes, state }
     }
 
-    /// Hands the mapped bytes to `read` and the buffer back to the ring.
+    /// Passes the mapped bytes to `read` and returns the buffer to the ring.
     fn finish<T>(self, gpu: &Inner, read: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
         let failed = |message: String| GpuError::Validation { context: "read back".to_owned(), message };
         if self.state.load(Ordering::Acquire) == MAPPING_PENDING {
-            // The callback comes with a poll after the work is done.
+            // The callback runs within a poll after the work is done.
             gpu.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(gpu.submission_limit) })?;
         }
         if self.state.load(Ordering::Acquire) != MAPPING_DONE {
@@ -117,15 +117,15 @@ impl Mapping {
 }
 
 impl Submission {
-    /// Waits until the graph has run. A device that needs longer than the options allow counts as lost.
+    /// Waits until the graph has run. A device that exceeds the submission limit counts as lost.
     pub fn wait(self) -> Result<GraphReport, GpuError> {
         let limit = self.gpu.inner.submission_limit;
         self.gpu.inner.wait_for(&self.index, limit, &self.label)?;
         self.collect()
     }
 
-    /// Waits for at most `timeout` and gives the submission back if it is still running. A device that needs longer in
-    /// all than the options allow counts as lost.
+    /// Waits for at most `timeout` and returns the submission if it is still running. A device that exceeds the
+    /// submission limit counts as lost.
     pub fn try_wait(self, timeout: Duration) -> Result<Result<GraphReport, Submission>, GpuError> {
         let how = wgpu::PollType::Wait { submission_index: Some(self.index.clone()), timeout: Some(timeout) };
         if self.gpu.inner.poll(how)? {
@@ -149,7 +149,7 @@ impl Submission {
                 words.map(|word| u64::from_le_bytes(word.try_into().unwrap_or_default())).collect()
             })?;
             for (pair, &pass) in ticks.chunks_exact(2).zip(&self.timed) {
-                // Some drivers let the clock of two engines differ by a little.
+                // On some drivers the clocks of two engines differ slightly.
                 self.passes[pass].gpu_ms += pair[1].saturating_sub(pair[0]) as f64 * period_ns * 1e-6;
             }
         }
@@ -164,38 +164,42 @@ impl Submission {
     }
 }
 
-pub(crate) fn submit(graph: Graph) -> Result<Submission, GpuError> {
-    let gpu = graph.gpu.clone();
-    let inner = &*gpu.inner;
-    inner.check()?;
-    let started = Instant::now();
-    // Held until the queue has everything: uniform data and the passes that read it belong together.
-    let mut uniforms = inner.uniforms.lock();
-    let context = format!("graph `{}`", graph.label);
-    let mut recorded = None;
-    let scoped = inner.scoped(&context, graph.uniforms.len() as u64, || {
-        recorded = Some(record(inner, &graph, &mut uniforms));
-    });
-    // What stopped the recording says more than what followed from it.
-    let Recorded { index, passes, timed, timestamps, staging } = match recorded {
-        Some(Ok(recorded)) => scoped.map(|()| recorded)?,
-        Some(Err(error)) => return Err(error),
-        None => return Err(GpuError::Validation { context, message: "nothing was recorded".to_owned() }),
-    };
-    drop(uniforms);
-    for buffer in &graph.written {
-        buffer.mark_written();
+impl Graph {
+    /// Runs all passes. On CPU devices this waits for each pass, to time it; on others it returns at once.
+    pub fn submit(self) -> Result<Submission, GpuError> {
+        let gpu = self.gpu.clone();
+        let inner = &*gpu.inner;
+        inner.check()?;
+        let started = Instant::now();
+        // Held until everything is queued: uniform data and the passes that read it must not be separated by another
+        // graph's.
+        let mut uniforms = inner.uniforms.lock();
+        let context = format!("graph `{}`", self.label);
+        let mut recorded = None;
+        let scoped = inner.scoped(&context, self.uniforms.len() as u64, || {
+            recorded = Some(record(inner, &self, &mut uniforms));
+        });
+        // An error of the recording is the cause of those in the scope.
+        let Recorded { index, passes, timed, timestamps, staging } = match recorded {
+            Some(Ok(recorded)) => scoped.map(|()| recorded)?,
+            Some(Err(error)) => return Err(error),
+            None => return Err(GpuError::Validation { context, message: "nothing was recorded".to_owned() }),
+        };
+        drop(uniforms);
+        for buffer in &self.written {
+            buffer.mark_written();
+        }
+        for target in &self.drawn {
+            target.mark_written();
+        }
+        let timestamps = timestamps.map(|buffer| Mapping::start(buffer, timed.len() as u64 * 2 * TIMESTAMP_BYTES));
+        let read_backs = self.read_backs.into_iter().zip(staging).map(|(read_back, buffer)| {
+            let bytes = read_back.aligned.end - read_back.aligned.start;
+            (read_back, Mapping::start(buffer, bytes))
+        });
+        let read_backs = read_backs.collect();
+        Ok(Submission { gpu: gpu.clone(), label: self.label, index, started, passes, timed, timestamps, read_backs })
     }
-    for target in &graph.drawn {
-        target.mark_written();
-    }
-    let timestamps = timestamps.map(|buffer| Mapping::start(buffer, timed.len() as u64 * 2 * TIMESTAMP_BYTES));
-    let read_backs = graph.read_backs.into_iter().zip(staging).map(|(read_back, buffer)| {
-        let bytes = read_back.aligned.end - read_back.aligned.start;
-        (read_back, Mapping::start(buffer, bytes))
-    });
-    let read_backs = read_backs.collect();
-    Ok(Submission { gpu: gpu.clone(), label: graph.label, index, started, passes, timed, timestamps, read_backs })
 }
 
 struct Recorded {
@@ -248,7 +252,7 @@ fn record(inner: &Inner, graph: &Graph, uniforms: &mut Option<wgpu::Buffer>) -> 
                 let encode =
                     |encoder: &mut wgpu::CommandEncoder| encode_pass(inner, encoder, pass, uniforms, timestamps);
                 if inner.checks_passes {
-                    // A broken pass is reported when its commands are closed, so each gets an encoder of its own.
+                    // An invalid pass is reported when its encoder finishes, so each gets an encoder of its own.
                     let before = std::mem::replace(&mut encoder, new_encoder(inner, &graph.label));
                     let context = format!("pass `{}`", pass.kernel.name());
                     let commands = inner.scoped(&context, 0, || {
@@ -294,7 +298,7 @@ fn pass_time(passes: &mut Vec<PassTime>, name: &str) -> usize {
     passes.len() - 1
 }
 
-/// One buffer serves all graphs: writes and submissions take effect in the order they reach the queue.
+/// One buffer serves all graphs: writes and submissions take effect in the order in which they are queued.
 fn upload_uniforms(inner: &Inner, data: &[u8], uniforms: &mut Option<wgpu::Buffer>) {
     if data.is_empty() {
         return;
@@ -372,7 +376,7 @@ fn encode_pass(
             }
             commands.draw(0..*vertex_count, 0..1);
         }
-        // Recording a pass refuses these.
+        // Refused when the pass is recorded.
         (Pipeline::Compute(_), PassWork::Draw(..)) | (Pipeline::Raster(_), _) => {}
     }
 }

@@ -1,8 +1,8 @@
 //! The frame graph: passes in order, each binding buffers by the names its kernel gives them.
 //!
-//! Everything that can be known to be wrong is said when the pass is recorded, with its name: a missing or surplus
-//! binding, the wrong access, a buffer that is too small, of another device, bound twice where one use writes, or read
-//! before anything wrote it.
+//! Mistakes are reported when the pass is recorded, with its name: a missing or surplus binding, the wrong access, a
+//! buffer that is too small, of another device, bound twice where one use writes, or read before anything was written
+//! to it.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -12,7 +12,6 @@ use surfelcast_shaders::Access;
 
 use crate::device::Gpu;
 use crate::error::GpuError;
-use crate::execute::{self, Submission};
 use crate::kernel::Kernel;
 use crate::memory::Buffer;
 use crate::target::Target;
@@ -20,7 +19,7 @@ use crate::target::Target;
 /// Uniform data of one graph, bytes; a frame needs a few hundred.
 const UNIFORM_BYTES_LIMIT: usize = 4 << 20;
 
-/// Passes to be run in order. Made by [`Gpu::graph`].
+/// Passes in the order in which they run. Created by [`Gpu::graph`].
 #[derive(Debug)]
 pub struct Graph {
     pub(crate) gpu: Gpu,
@@ -37,10 +36,10 @@ pub struct Graph {
 }
 
 pub(crate) enum Step {
-    /// So many bytes from the start.
+    /// This many bytes from the start.
     Clear(Buffer, u64),
     Pass(Pass),
-    /// Index into the read backs; copied here, so that later passes do not show in it.
+    /// Index into the read backs. The bytes are copied at this point, before later passes change them.
     ReadBack(usize),
 }
 
@@ -72,7 +71,7 @@ pub(crate) enum PassWork {
     Workgroups([u32; 3]),
     /// Workgroups from a buffer at an offset.
     Indirect(Buffer, u64),
-    /// So many vertices, drawn into targets that are cleared first.
+    /// Number of vertices, drawn into targets that are cleared first.
     Draw(u32, Vec<Target>),
 }
 
@@ -81,18 +80,19 @@ pub(crate) struct ReadBack {
     pub(crate) buffer: Buffer,
     /// Rounded outwards to multiples of four.
     pub(crate) aligned: Range<u64>,
-    /// What was asked for.
+    /// As requested.
     pub(crate) range: Range<u64>,
 }
 
-/// Names bytes that come back with the report of a graph.
+/// Names bytes that are returned with the report of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket(pub(crate) usize);
 
-impl Graph {
-    pub(crate) fn new(gpu: Gpu, label: &str) -> Self {
+impl Gpu {
+    /// Starts an empty frame graph.
+    pub fn graph(&self, label: &str) -> Graph {
         Graph {
-            gpu,
+            gpu: self.clone(),
             label: label.to_owned(),
             steps: Vec::new(),
             uniforms: Vec::new(),
@@ -102,7 +102,9 @@ impl Graph {
             read_backs: Vec::new(),
         }
     }
+}
 
+impl Graph {
     /// Starts a pass; it is part of the graph once dispatched.
     pub fn pass(&mut self, kernel: &Kernel) -> PassBuilder<'_> {
         let bound = kernel.reflection().bindings.iter().map(|_| None).collect();
@@ -114,7 +116,7 @@ impl Graph {
         self.clear_first(buffer, buffer.size_bytes())
     }
 
-    /// Fills the first bytes of the buffer with zeros. Takes a multiple of four, and no more than there are.
+    /// Fills the first `bytes` of the buffer with zeros: a multiple of four, at most its size.
     pub fn clear_first(&mut self, buffer: &Buffer, bytes: u64) -> Result<(), GpuError> {
         self.owns(buffer, "clear")?;
         if bytes > buffer.size_bytes() || !bytes.is_multiple_of(4) {
@@ -126,7 +128,7 @@ impl Graph {
         Ok(())
     }
 
-    /// Copies bytes of the buffer, as they are after the passes so far, to the host. They come with the report.
+    /// Copies bytes of the buffer to the host, as they are after the passes so far. They are returned with the report.
     pub fn read_back(&mut self, buffer: &Buffer, range: Range<u64>) -> Result<Ticket, GpuError> {
         self.owns(buffer, "read back")?;
         let refuse = |message: String| {
@@ -143,11 +145,6 @@ impl Graph {
         let index = self.read_backs.len() - 1;
         self.steps.push(Step::ReadBack(index));
         Ok(Ticket(index))
-    }
-
-    /// Runs everything. On CPU devices this waits for each pass in turn, to time it; on others it returns at once.
-    pub fn submit(self) -> Result<Submission, GpuError> {
-        execute::submit(self)
     }
 
     fn owns(&self, buffer: &Buffer, what: &str) -> Result<(), GpuError> {
@@ -169,7 +166,7 @@ impl Graph {
     }
 }
 
-/// A pass being recorded. The first mistake is kept and told by the dispatch.
+/// A pass being recorded. The first mistake is kept and returned by the dispatch.
 #[derive(Debug)]
 #[must_use = "a pass does nothing until it is dispatched"]
 pub struct PassBuilder<'g> {
@@ -296,8 +293,8 @@ impl PassBuilder<'_> {
         self.finish(PassWork::Indirect(buffer.clone(), offset))
     }
 
-    /// Adds the pass of a raster kernel: clears the targets, in the order of the kernel's outputs, and draws triangles of so
-    /// many vertices into them.
+    /// Adds the pass of a raster kernel: clears the targets, in the order of the kernel's outputs, and draws triangles
+    /// of `vertex_count` vertices into them.
     pub fn draw(self, vertex_count: u32, targets: &[&Target]) -> Result<(), GpuError> {
         let wanted = self.kernel.reflection().target_count as usize;
         let problem = if wanted != targets.len() {
@@ -382,7 +379,7 @@ impl PassBuilder<'_> {
         self
     }
 
-    /// The place of a binding, if the kernel has it, with that access, and it is still free.
+    /// Index of a binding, if the kernel has it with this access and it is not bound yet.
     fn slot(&mut self, name: &str, access: Access) -> Option<usize> {
         let bindings = &self.kernel.reflection().bindings;
         let Some(index) = bindings.iter().position(|binding| binding.name == name) else {

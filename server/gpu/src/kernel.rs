@@ -1,4 +1,6 @@
-//! Kernels: linked, compiled, kept. Two variants that link to the same text are one pipeline.
+//! Kernels: linked, compiled, cached. Two variants that link to the same text share one pipeline.
+//!
+//! The device owns its kernels and compiling needs the device, so `device.rs` and this file import each other.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -26,7 +28,7 @@ pub struct Kernel {
 
 pub(crate) struct KernelInner {
     pub(crate) reflection: Reflection,
-    /// By group; a group the kernel does not use has none.
+    /// By group; `None` for a group that the kernel does not use.
     pub(crate) layouts: Vec<Option<wgpu::BindGroupLayout>>,
     pub(crate) pipeline: Pipeline,
     pub(crate) device_id: u64,
@@ -48,7 +50,7 @@ impl Kernel {
         &self.inner.reflection
     }
 
-    /// Whether it binds something of that name; a variant may lack what another has.
+    /// Whether it has a binding of that name; a variant may lack one that another has.
     pub fn binds(&self, name: &str) -> bool {
         self.inner.reflection.bindings.iter().any(|binding| binding.name == name)
     }
@@ -77,7 +79,7 @@ struct Table {
     is_stopping: bool,
 }
 
-/// The compiling thread and the way to it.
+/// The compiling thread and its queue.
 struct Worker {
     sender: SyncSender<Variant>,
     thread: thread::JoinHandle<()>,
@@ -127,7 +129,7 @@ impl KernelStore {
         let sent = match &table.worker {
             Some(worker) => match worker.sender.try_send(variant.clone()) {
                 Ok(()) => true,
-                // Asked for again on the next frame; nothing is lost.
+                // Requested again in the next frame; nothing is lost.
                 Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
             },
             None => false,
@@ -137,8 +139,8 @@ impl KernelStore {
         }
     }
 
-    /// Ends background compilation: what is in hand is finished, what waits is dropped. A process that ends while its
-    /// driver compiles may crash on the way out.
+    /// Ends background compilation: the current kernel is finished, the waiting ones are dropped. A process that ends
+    /// while its driver compiles may crash.
     pub(crate) fn stop(&self) {
         let worker = {
             let mut table = self.table.lock();
@@ -151,10 +153,10 @@ impl KernelStore {
         }
     }
 
-    /// Compiles a variant that is marked as being compiled, and says so to whoever waits.
+    /// Compiles a variant that is marked as being compiled, and wakes the threads that wait for it.
     fn compile(&self, gpu: &Inner, variant: Variant) -> Result<Kernel, GpuError> {
         let (name, features) = &variant;
-        // Whoever waits for this variant must be told, whatever happens to the compiler.
+        // The waiting threads must wake even if the compiler panics.
         let compiled = catch_unwind(AssertUnwindSafe(|| {
             link(name, *features)
                 .map_err(|error| GpuError::Pipeline { kernel: name.clone(), message: error.to_string() })
@@ -184,7 +186,7 @@ impl KernelStore {
         self.share(gpu, &linked)
     }
 
-    /// The pipeline of a text, made now if it is new.
+    /// The pipeline of a text, created if it is new.
     fn share(&self, gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
         if let Some(kernel) = self.table.lock().by_text.get(&linked.hash) {
             return Ok(kernel.clone());
@@ -196,7 +198,7 @@ impl KernelStore {
     }
 }
 
-/// The thread that compiles what was prepared. It ends when the device goes.
+/// The thread that compiles prepared kernels. It ends with the device.
 fn start_worker(gpu: &Arc<Inner>) -> Option<Worker> {
     let (sender, receiver) = sync_channel::<Variant>(QUEUE_CAPACITY);
     let weak: Weak<Inner> = Arc::downgrade(gpu);
@@ -225,7 +227,7 @@ fn build(gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
     let failed = |message: String| GpuError::Pipeline { kernel: linked.name.clone(), message };
     let reflection = &linked.reflection;
     fits(gpu, reflection).map_err(failed)?;
-    // Only a device that can draw has a format to draw in.
+    // Only a device that can draw has a target format.
     let target_format = if reflection.target_count > 0 { Some(gpu.raster()?) } else { None };
     let group_count = reflection.bindings.iter().map(|binding| binding.group as usize + 1).max().unwrap_or(0);
     let result = gpu.scoped(&linked.name, 0, || {
@@ -261,7 +263,7 @@ fn build(gpu: &Inner, linked: &LinkedKernel) -> Result<Kernel, GpuError> {
     Ok(Kernel { inner: Arc::new(KernelInner { reflection: reflection.clone(), layouts, pipeline, device_id: gpu.id }) })
 }
 
-/// Triangles without vertex buffers, the far sides only, added to what is there.
+/// Triangles without vertex buffers, back faces only, with additive blending.
 fn raster_pipeline(
     gpu: &Inner,
     linked: &LinkedKernel,
@@ -304,7 +306,7 @@ fn raster_pipeline(
     })
 }
 
-/// Says in our words what the driver would say in its own.
+/// Checks the kernel against the device's limits before the driver does, for a message that names limit and remedy.
 fn fits(gpu: &Inner, reflection: &Reflection) -> Result<(), String> {
     let limits = &gpu.report.limits;
     let storage = reflection.bindings.iter().filter(|binding| binding.access.is_storage()).count();

@@ -2,14 +2,15 @@
 //!
 //! * [`Gpu::open`] picks an adapter and opens a device; [`adapters`] reports what there is.
 //! * [`Gpu::kernel`] links and compiles a kernel of `shaders`; [`Gpu::prepare`] does so in the background.
-//! * [`Gpu::buffer`] makes memory, counted against a budget before the driver is asked.
+//! * [`Gpu::buffer`] allocates memory, counted against a budget before the driver is called.
 //! * [`Gpu::graph`] records passes that bind buffers by name; [`Graph::submit`] runs them and
 //!   [`Submission::wait`] brings back times and bytes.
-//! * A kernel with a vertex and a fragment shader draws triangles into [`Target`]s: the far sides only, so that a solid covers
-//!   each of its pixels once from outside and inside alike, and adding to what is there, in the order of the triangles.
+//! * A kernel with a vertex and a fragment shader draws triangles into [`Target`]s: back faces only, so that a closed
+//!   mesh covers each of its pixels once from outside and inside alike, with additive blending in the order of the
+//!   triangles.
 //!
-//! Nothing here panics when the device is lost: every call then answers [`GpuError::DeviceLost`], and the owner opens a
-//! new device and rebuilds from what it holds on the host. wgpu's types stay inside this crate.
+//! Nothing here panics when the device is lost: every call then returns [`GpuError::DeviceLost`], and the owner opens a
+//! new device and rebuilds from its data on the host. wgpu's types stay inside this crate.
 
 mod adapter;
 mod device;
@@ -22,6 +23,7 @@ mod pipeline_cache;
 mod staging;
 mod target;
 mod tracker;
+mod wait;
 
 pub use adapter::{AdapterKind, AdapterReport, GpuLimits, Tier, adapters};
 pub use device::{Gpu, GpuOptions, PassTiming};

@@ -11,13 +11,13 @@ use crate::error::GpuError;
 /// What a buffer is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum MemoryKind {
-    /// Geometry, materials, textures, lights: lives as long as a session.
+    /// Geometry, materials, textures, lights: kept as long as a session.
     Scene,
-    /// What all views of a session share beside its scene: lives as long as the session.
+    /// Shared by all views of a session: kept as long as the session.
     Session,
-    /// Accumulators and pictures: lives as long as a view.
+    /// Accumulators and images: kept as long as a view.
     View,
-    /// On its way to the host or from it.
+    /// For transfers to and from the host.
     Staging,
 }
 
@@ -32,7 +32,7 @@ pub struct MemoryUse {
     pub view_bytes: u64,
     /// Of staging.
     pub staging_bytes: u64,
-    /// All that may be used.
+    /// Most that may be used.
     pub budget_bytes: u64,
 }
 
@@ -42,7 +42,7 @@ impl MemoryUse {
         self.scene_bytes + self.session_bytes + self.view_bytes + self.staging_bytes
     }
 
-    /// What is left of the budget.
+    /// Rest of the budget.
     pub fn free_bytes(&self) -> u64 {
         self.budget_bytes.saturating_sub(self.total_bytes())
     }
@@ -57,7 +57,7 @@ impl MemoryUse {
     }
 }
 
-/// Counts bytes by kind and refuses what the budget does not hold.
+/// Counts bytes by kind and refuses those beyond the budget.
 #[derive(Debug)]
 pub(crate) struct MemoryLedger {
     state: Mutex<MemoryUse>,
@@ -72,7 +72,7 @@ impl MemoryLedger {
         *self.state.lock()
     }
 
-    /// Takes `bytes` from the budget until the answer is dropped.
+    /// Takes `bytes` from the budget until the admission is dropped.
     pub(crate) fn admit(self: &Arc<Self>, label: &str, kind: MemoryKind, bytes: u64) -> Result<Admission, GpuError> {
         let mut state = self.state.lock();
         let free = state.free_bytes();
@@ -84,7 +84,7 @@ impl MemoryLedger {
     }
 }
 
-/// A part of the budget, given back on drop.
+/// A part of the budget, returned on drop.
 #[derive(Debug)]
 pub(crate) struct Admission {
     ledger: Arc<MemoryLedger>,
@@ -98,7 +98,7 @@ impl Drop for Admission {
     }
 }
 
-/// A buffer on the device. Clones share it; the last one to go frees it.
+/// A buffer on the device. Clones share it; dropping the last one frees it.
 #[derive(Clone)]
 pub struct Buffer {
     pub(crate) inner: Arc<BufferInner>,
@@ -112,9 +112,9 @@ pub(crate) struct BufferInner {
     pub(crate) indirect: bool,
     /// Distinguishes buffers in a graph.
     pub(crate) id: u64,
-    /// Names the device it belongs to.
+    /// Identifies its device.
     pub(crate) device_id: u64,
-    /// Uploaded to, cleared or written by a pass at least once.
+    /// Whether it was uploaded to, cleared or written by a pass at least once.
     pub(crate) written: AtomicBool,
     /// Freed after `raw`, fields drop in order.
     pub(crate) _admission: Admission,
@@ -126,7 +126,7 @@ impl Buffer {
         &self.inner.label
     }
 
-    /// Size in bytes: as asked for, rounded up to 16.
+    /// Size in bytes: as requested, rounded up to 16.
     pub fn size_bytes(&self) -> u64 {
         self.inner.size_bytes
     }
@@ -167,10 +167,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ledger_admits_up_to_the_budget_and_takes_back() {
+    fn the_ledger_admits_up_to_the_budget_and_frees_on_drop() {
         let ledger = Arc::new(MemoryLedger::new(100));
         let scene = ledger.admit("nodes", MemoryKind::Scene, 60).expect("fits");
-        let view = ledger.admit("picture", MemoryKind::View, 40).expect("fits");
+        let view = ledger.admit("image", MemoryKind::View, 40).expect("fits");
         let refused = ledger.admit("more", MemoryKind::View, 1).expect_err("admitted");
         assert_eq!(refused, GpuError::OutOfMemory { field: "more".to_owned(), needed: 1, free: 0 });
         drop(scene);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn a_size_beyond_all_numbers_is_refused() {
+    fn the_largest_size_does_not_overflow() {
         let ledger = Arc::new(MemoryLedger::new(100));
         let _some = ledger.admit("a", MemoryKind::Scene, 10).expect("fits");
         assert!(ledger.admit("b", MemoryKind::Scene, u64::MAX).is_err());

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 const MAGIC: &[u8; 16] = b"surfelcast-pso1\n";
 const HASH_BYTES: usize = 32;
-/// Larger files are not ours.
+/// Larger files were not written here.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// Where the pipelines of an adapter and driver are kept.
@@ -22,7 +22,7 @@ pub(crate) fn file_path(directory: &Path, info: &wgpu::AdapterInfo) -> PathBuf {
     directory.join(format!("pipelines-v1-{:04x}-{:04x}-{short:016x}.bin", info.vendor, info.device))
 }
 
-/// The driver's data, if the file is whole.
+/// The driver's data, if the file is complete.
 pub(crate) fn load(path: &Path) -> Option<Vec<u8>> {
     let file = fs::File::open(path).ok()?;
     let mut bytes = Vec::new();
@@ -43,8 +43,8 @@ fn check(bytes: &[u8]) -> Option<&[u8]> {
     (Sha256::digest(data).as_slice() == hash).then_some(data)
 }
 
-/// Writes beside the file and renames, so that a reader never sees half of it. Failing is no error: the cache is only
-/// a gain of time.
+/// Writes to a temporary file and renames it, so that a reader never sees an incomplete one. Failing is no error: the
+/// cache only saves time.
 pub(crate) fn store(path: &Path, data: &[u8]) {
     let result = (|| {
         let directory = path.parent().unwrap_or(Path::new("."));
@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_comes_back_whole_or_not_at_all() {
+    fn a_damaged_file_is_ignored() {
         let directory = tempfile::tempdir().expect("a temporary folder");
         let path = directory.path().join("deep").join("cache.bin");
         assert_eq!(load(&path), None);

@@ -1,6 +1,6 @@
-//! Buffers through which bytes come back to the host, reused from frame to frame.
+//! Buffers through which bytes are read back to the host, reused from frame to frame.
 //!
-//! Only the bytes a submission copied are ever read, so nothing of an earlier user can be seen.
+//! Only the bytes that a submission copied are read, so no data of an earlier user is visible.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use crate::error::GpuError;
 use crate::memory::{Admission, MemoryKind, MemoryLedger};
 
-/// Bytes kept for reuse; more are freed when they come back.
+/// Bytes kept for reuse; buffers beyond this are freed when they are returned.
 const KEPT_BYTES: u64 = 64 << 20;
 const SMALLEST_BYTES: u64 = 4 << 10;
 
@@ -20,7 +20,7 @@ pub(crate) struct StagingBuffer {
     _admission: Admission,
 }
 
-/// The buffers at rest.
+/// The buffers not in use.
 #[derive(Default)]
 pub(crate) struct StagingRing {
     free: Mutex<Vec<StagingBuffer>>,
@@ -34,7 +34,7 @@ impl StagingRing {
         ledger: &Arc<MemoryLedger>,
         bytes: u64,
     ) -> Result<StagingBuffer, GpuError> {
-        // Powers of two, so that sizes that vary a little meet again.
+        // Powers of two, so that buffers serve sizes that vary slightly.
         let size_bytes = bytes.max(SMALLEST_BYTES).checked_next_power_of_two().unwrap_or(bytes);
         {
             let mut free = self.free.lock();
@@ -57,7 +57,7 @@ impl StagingRing {
         Ok(StagingBuffer { raw, size_bytes, _admission: admission })
     }
 
-    /// Takes an unmapped buffer back.
+    /// Returns an unmapped buffer for reuse.
     pub(crate) fn give_back(&self, buffer: StagingBuffer) {
         let mut free = self.free.lock();
         let kept: u64 = free.iter().map(|other| other.size_bytes).sum();

@@ -1,4 +1,4 @@
-//! What raster kernels draw into: pictures of four floats a pixel that add up what is drawn.
+//! Targets of raster kernels: images of four floats a pixel with additive blending.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,7 +8,8 @@ use crate::device::Gpu;
 use crate::error::GpuError;
 use crate::memory::{Admission, MemoryKind, next_id};
 
-/// A picture of four floats a pixel: drawn by a raster kernel, then read by others as `texture_2d<f32>`. Clones share it.
+/// An image of four floats a pixel: drawn by a raster kernel, then read by others as `texture_2d<f32>`. Clones share
+/// it.
 #[derive(Clone)]
 pub struct Target {
     pub(crate) inner: Arc<TargetInner>,
@@ -53,27 +54,8 @@ impl fmt::Debug for Target {
     }
 }
 
-/// Format of targets on a device that can draw at all: 32-bit floats where those can be added up, else 16-bit ones. The
-/// reason where neither can.
-pub(crate) fn target_format(adapter: &wgpu::Adapter) -> Result<wgpu::TextureFormat, String> {
-    if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::VERTEX_STORAGE) {
-        return Err(
-            "this device cannot draw: it has no VERTEX_STORAGE, vertex shaders see no storage buffer".to_owned()
-        );
-    }
-    if adapter.features().contains(wgpu::Features::FLOAT32_BLENDABLE) {
-        return Ok(wgpu::TextureFormat::Rgba32Float);
-    }
-    let half = adapter.get_texture_format_features(wgpu::TextureFormat::Rgba16Float);
-    let can_draw = half.allowed_usages.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
-    if can_draw && half.flags.contains(wgpu::TextureFormatFeatureFlags::BLENDABLE) {
-        return Ok(wgpu::TextureFormat::Rgba16Float);
-    }
-    Err("this device cannot draw: it has neither FLOAT32_BLENDABLE nor blendable rgba16float targets".to_owned())
-}
-
 impl Gpu {
-    /// Whether raster kernels run here; the answer to no names what is missing.
+    /// Whether raster kernels run on this device; the error names what it lacks.
     pub fn can_draw(&self) -> Result<(), GpuError> {
         self.inner.raster().map(|_| ())
     }
@@ -83,7 +65,7 @@ impl Gpu {
         self.inner.target_format == Ok(wgpu::TextureFormat::Rgba32Float)
     }
 
-    /// Makes a target. Fails before the driver is asked when the budget does not hold it or the device cannot draw.
+    /// Allocates a target. Fails before the driver is called where the budget is exceeded or the device cannot draw.
     pub fn target(&self, label: &str, kind: MemoryKind, size: [u32; 2]) -> Result<Target, GpuError> {
         let inner = &self.inner;
         inner.check()?;

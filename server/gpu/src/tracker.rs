@@ -2,10 +2,10 @@
 
 use parking_lot::Mutex;
 
-/// Distinct messages kept; a driver in trouble can invent any number.
+/// Distinct messages kept: a failing driver may produce any number.
 const CAPACITY: usize = 64;
 
-/// A message and how often it came.
+/// A message and how often it occurred.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TrackedError {
     /// First text of the error.

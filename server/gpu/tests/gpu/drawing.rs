@@ -1,11 +1,11 @@
-//! Triangles that add up in targets.
+//! Triangles blended additively in targets.
 
 use surfelcast_gpu::{Gpu, GpuOptions, MemoryKind, PassTiming};
 use surfelcast_shaders::Features;
 
 use crate::{floats, from_bytes, gpu, open};
 
-/// Draws `count` squares over the picture's left half, the i-th adding 2^i; the far side only.
+/// Draws `count` squares over the image's left half, the i-th adding 2^i; back faces only.
 const SQUARES: &str = "
 @group(0) @binding(0) var<storage, read> powers: array<f32>;
 struct Corner { @builtin(position) clip: vec4f, @location(0) @interpolate(flat) square: u32 }

@@ -1,4 +1,4 @@
-//! The device on whatever adapter this machine has; software is enough.
+//! The device on any adapter of this machine; software rendering suffices.
 
 mod drawing;
 
@@ -118,7 +118,7 @@ fn a_pass_runs_and_its_bytes_come_back() {
 
 #[test]
 fn passes_see_each_other_and_each_its_own_uniforms() {
-    // One submission a pass, and one for all: what software and what graphics cards do.
+    // One submission a pass as on CPU devices, and one for all passes as on graphics cards.
     for timing in [PassTiming::WallClock, PassTiming::Timestamps] {
         chain_passes(open(&GpuOptions { pass_timing: Some(timing), ..GpuOptions::default() }));
     }
@@ -173,7 +173,7 @@ fn many_graphs_can_be_on_their_way() {
         })
         .collect();
     assert!(setup.gpu.memory().staging_bytes > 0);
-    // Waited for in another order than submitted.
+    // Waited for in reverse order.
     for (factor, ticket, submission) in submissions.into_iter().rev() {
         let mut report = submission.wait().expect("runs");
         assert_eq!(from_bytes(&report.take(ticket).expect("there")), [factor as f32]);
@@ -373,7 +373,7 @@ fn a_kernel_that_does_not_compile_says_why() {
 }
 
 #[test]
-fn a_failed_preparation_is_never_ready_and_is_told_on_asking() {
+fn a_failed_preparation_is_never_ready_and_its_error_is_returned() {
     let gpu = gpu();
     gpu.prepare("no_such_kernel", Features::ALL);
     let error = gpu.kernel("no_such_kernel", Features::ALL).expect_err("compiled");
@@ -425,7 +425,7 @@ fn losing_the_device_is_an_error_everywhere_and_a_panic_nowhere() {
     setup.gpu.prepare("anything", Features::NONE);
     assert!(setup.gpu.force_loss().is_ok(), "twice does no harm");
 
-    // A new device starts afresh beside the remains of the old one.
+    // A new device works while objects of the old one still exist.
     let rebuilt = setup_on(open(&options));
     assert_eq!(rebuilt.run(2.0).expect("runs")[1], 3.0);
     drop(setup);
