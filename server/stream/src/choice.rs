@@ -1,14 +1,14 @@
-//! Which codec and quality a picture gets.
+//! Codec and quality of an image.
 
 use crate::{Codec, Quality};
 
-/// Quality of pictures at rest that are still refining: the first with full colour resolution.
+/// Quality of images at rest that are still refining: the lowest with full colour resolution.
 const STILL_QUALITY: u8 = 90;
-/// Quality of the last picture where the link is too slow, or the client too simple, for a lossless one.
+/// Quality of the final image where the link is too slow for a lossless one or the client does not decode any.
 const LAST_LOSSY_QUALITY: u8 = 95;
-/// Bytes a pixel that a lossless picture of a rendered scene costs at worst (measured: 0.8 clean, 2.4 noisy).
+/// Bytes per pixel of a lossless image of a rendered scene at most (measured: 0.8 without noise, 2.4 with).
 const LOSSLESS_BYTES_PER_PIXEL: f64 = 2.4;
-/// A lossless picture may take this long on the link.
+/// Longest transfer of a lossless image.
 const LOSSLESS_SECS: f64 = 2.0;
 
 /// Stage of refinement.
@@ -18,23 +18,23 @@ pub enum Stage {
     Moving,
     /// At rest, refining.
     Still,
-    /// Converged; nothing follows.
+    /// Converged: no frame follows.
     Final,
 }
 
-/// Chooses codec and quality. `offered` is what the client decodes (best first), `wish` what it asked for at rest,
-/// `moving_quality` what the quality loop allows, `bytes_per_sec` the measured throughput, if any. `None` when nothing
-/// is offered.
+/// Chooses codec and quality. `offered` are the codecs that the client decodes (best first), `preferred` the one it
+/// requested for images at rest, `moving_quality` the limit of the quality loop, `bytes_per_sec` the measured
+/// throughput, if any. `None` if nothing is offered.
 pub fn choose_encoding(
     stage: Stage,
     offered: &[Codec],
-    wish: Option<Codec>,
+    preferred: Option<Codec>,
     moving_quality: u8,
     pixel_count: u64,
     bytes_per_sec: Option<f64>,
 ) -> Option<(Codec, Quality)> {
     let first = |order: [Codec; 3]| order.into_iter().find(|codec| offered.contains(codec));
-    let wish = wish.filter(|codec| offered.contains(codec));
+    let preferred = preferred.filter(|codec| offered.contains(codec));
     let lossy = |codec: Codec, quality: u8| match codec {
         Codec::Png => (codec, Quality::Lossless),
         _ => (codec, Quality::Lossy(quality)),
@@ -42,12 +42,12 @@ pub fn choose_encoding(
     match stage {
         Stage::Moving => first([Codec::Jpeg, Codec::Webp, Codec::Png]).map(|codec| lossy(codec, moving_quality)),
         Stage::Still => {
-            wish.or_else(|| first([Codec::Jpeg, Codec::Webp, Codec::Png])).map(|codec| lossy(codec, STILL_QUALITY))
+            preferred.or_else(|| first([Codec::Jpeg, Codec::Webp, Codec::Png])).map(|codec| lossy(codec, STILL_QUALITY))
         }
         Stage::Final => {
             let affordable =
                 bytes_per_sec.is_none_or(|rate| pixel_count as f64 * LOSSLESS_BYTES_PER_PIXEL <= rate * LOSSLESS_SECS);
-            let codec = match wish {
+            let codec = match preferred {
                 Some(codec) => codec,
                 None if affordable => first([Codec::Webp, Codec::Png, Codec::Jpeg])?,
                 None => first([Codec::Jpeg, Codec::Webp, Codec::Png])?,
@@ -81,12 +81,12 @@ mod tests {
 
     #[test]
     fn only_what_is_offered() {
-        let choose = |offered: &[Codec], wish| choose_encoding(Stage::Final, offered, wish, 60, 1, None);
+        let choose = |offered: &[Codec], preferred| choose_encoding(Stage::Final, offered, preferred, 60, 1, None);
         assert_eq!(choose(&[Codec::Jpeg], None), Some((Codec::Jpeg, Quality::Lossy(95))));
         assert_eq!(choose(&[Codec::Jpeg], Some(Codec::Webp)), Some((Codec::Jpeg, Quality::Lossy(95))));
         assert_eq!(choose(&[Codec::Png, Codec::Jpeg], None), Some((Codec::Png, Quality::Lossless)));
         assert_eq!(choose(&[], None), None);
-        let wished = choose_encoding(Stage::Still, &ALL, Some(Codec::Webp), 60, 1, None);
-        assert_eq!(wished, Some((Codec::Webp, Quality::Lossy(90))));
+        let preferred = choose_encoding(Stage::Still, &ALL, Some(Codec::Webp), 60, 1, None);
+        assert_eq!(preferred, Some((Codec::Webp, Quality::Lossy(90))));
     }
 }

@@ -1,4 +1,4 @@
-//! RGBA8 pictures to JPEG, WebP and PNG.
+//! RGBA8 images to JPEG, WebP and PNG.
 
 use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -9,11 +9,11 @@ use crate::StreamError;
 const WEBP_MAX_SIDE: u32 = 16_383;
 /// Largest side a JPEG file can state.
 const JPEG_MAX_SIDE: u32 = 65_500;
-/// From this quality on colour is kept at full resolution: below it 4:2:0 saves a third of the bytes unseen.
+/// Lowest quality with full colour resolution: below it, 4:2:0 saves a third of the bytes without a visible difference.
 const FULL_COLOR_QUALITY: u8 = 90;
-/// libwebp effort (0 to 6) of lossy pictures: 2 costs half of 4 for 6 % more bytes.
+/// libwebp effort (0 to 6) of lossy images: 2 takes half the time of 4 for 6 % more bytes.
 const WEBP_METHOD: i32 = 2;
-/// libwebp effort of lossless pictures, kept low because they are sent while someone waits.
+/// libwebp effort of lossless images, low because the viewer waits for them.
 const WEBP_LOSSLESS_METHOD: i32 = 1;
 
 /// Image file format.
@@ -27,7 +27,7 @@ pub enum Codec {
     Png,
 }
 
-/// How much may be lost.
+/// How much detail may be lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Quality {
     /// 1 (worst) to 100. PNG ignores it.
@@ -46,8 +46,8 @@ impl Quality {
     }
 }
 
-/// Encodes a picture of `size` (width, height), first row on top, alpha ignored. Fails when pixels and size disagree or
-/// a side is over the codec's own limit.
+/// Encodes an image of `size` (width, height), first row on top, alpha ignored. Fails when pixels and size disagree or
+/// a side exceeds the codec's limit.
 pub fn encode(pixels: &[u8], size: [u32; 2], codec: Codec, quality: Quality) -> Result<Vec<u8>, StreamError> {
     let [width, height] = size;
     let needed = (u64::from(width) * u64::from(height)).saturating_mul(4);
@@ -99,7 +99,7 @@ fn webp(pixels: &[u8], size: [u32; 2], quality: Quality) -> Result<Vec<u8>, Stre
             config.method = WEBP_LOSSLESS_METHOD;
         }
     }
-    // Alpha is dropped first: a renderer's alpha says nothing, and libwebp would spend time and bytes on it.
+    // Alpha is dropped first: it is constant, and libwebp would spend time and bytes on it.
     let rgb = rgb_of(pixels);
     let encoder = webp::Encoder::from_rgb(&rgb, size[0], size[1]);
     let file = encoder.encode_advanced(&config).map_err(|e| fail(format!("{e:?}")))?;
@@ -123,8 +123,8 @@ fn rgb_of(pixels: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// A smooth picture with an edge; alpha is deliberately rubbish.
-    fn picture(width: u32, height: u32) -> Vec<u8> {
+    /// A smooth image with an edge and arbitrary alpha.
+    fn test_image(width: u32, height: u32) -> Vec<u8> {
         let pixel = |x: u32, y: u32| {
             let red = if x > width / 2 { 220 } else { 30 };
             [red, (y * 255 / height) as u8, (x * 255 / width) as u8, (x ^ y) as u8]
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn lossless_means_lossless() {
-        let pixels = picture(67, 41);
+        let pixels = test_image(67, 41);
         for codec in [Codec::Png, Codec::Webp] {
             let bytes = encode(&pixels, [67, 41], codec, Quality::Lossless).expect("encodes");
             assert_eq!(decoded(&bytes).as_raw(), &rgb_of(&pixels), "{codec:?}");
@@ -152,8 +152,8 @@ mod tests {
     }
 
     #[test]
-    fn lossy_pictures_are_close_and_quality_orders_them() {
-        let pixels = picture(128, 96);
+    fn lossy_images_are_close_and_grow_with_quality() {
+        let pixels = test_image(128, 96);
         let rgb = rgb_of(&pixels);
         for codec in [Codec::Jpeg, Codec::Webp] {
             let mut last = 0;
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn wrong_sizes_are_errors() {
-        let pixels = picture(8, 8);
+        let pixels = test_image(8, 8);
         for size in [[8, 9], [0, 0], [u32::MAX, u32::MAX]] {
             for codec in [Codec::Jpeg, Codec::Webp, Codec::Png] {
                 assert!(matches!(encode(&pixels, size, codec, Quality::Lossless), Err(StreamError::Size { .. })));
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn same_pixels_same_bytes() {
-        let pixels = picture(50, 30);
+        let pixels = test_image(50, 30);
         for codec in [Codec::Jpeg, Codec::Webp, Codec::Png] {
             let once = encode(&pixels, [50, 30], codec, Quality::Lossy(80)).expect("encodes");
             assert_eq!(once, encode(&pixels, [50, 30], codec, Quality::Lossy(80)).expect("encodes"));

@@ -1,6 +1,6 @@
-//! Why a picture could not be encoded.
+//! Why an image could not be encoded.
 
-/// A picture that was refused or an encoder that failed.
+/// An image that was refused or an encoder that failed.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
     /// Pixel count and size disagree.
@@ -10,12 +10,12 @@ pub enum StreamError {
         width: u32,
         /// Height, pixels.
         height: u32,
-        /// What the size asks for.
+        /// Required by the size.
         needed: u64,
-        /// What is there.
+        /// Given.
         present: u64,
     },
-    /// A side over what the codec can hold.
+    /// A side over the codec's limit.
     #[error("size: {side} pixels a side is over the {codec} limit of {limit}; render a smaller picture or take PNG")]
     TooLarge {
         /// Name of the codec.
@@ -30,7 +30,7 @@ pub enum StreamError {
     Encoder {
         /// Name of the codec.
         codec: &'static str,
-        /// What it said.
+        /// Its message.
         detail: String,
     },
 }

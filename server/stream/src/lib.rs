@@ -3,11 +3,11 @@
 //! No GPU type, no async runtime, no clock: everything that depends on time takes a [`std::time::Duration`] since the
 //! connection began, so that the state machines are plain values that tests drive step by step.
 //!
-//! - [`encode`](fn@encode) and [`encode_exr`]: one picture in, one file out;
+//! - [`encode`](fn@encode) and [`encode_exr`]: one image in, one file out;
 //! - [`tone_map_to_rgba8`]: linear radiance to display pixels;
 //! - [`AckWindow`]: how many frames and bytes may be in flight;
-//! - [`QualityLoop`]: how good a picture is while it moves;
-//! - [`StillSchedule`]: which of the refining pictures are worth sending;
+//! - [`QualityLoop`]: quality, resolution and rate of frames while the camera moves;
+//! - [`StillSchedule`]: which images of a refining view are sent;
 //! - [`choose_encoding`]: codec and quality for a stage of refinement.
 
 mod choice;

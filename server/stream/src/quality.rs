@@ -1,25 +1,25 @@
-//! Quality loop: how good a picture is while it moves, by the queue the link builds up.
+//! Quality loop: lowers quality, resolution and rate of frames while the link delays them, and raises them again.
 
 use std::time::Duration;
 
-/// Delay above which the link is behind.
+/// Delay above which a frame counts as late.
 const LATE: Duration = Duration::from_millis(60);
-/// Delay below which it keeps up.
+/// Delay below which a frame counts as early.
 const EARLY: Duration = Duration::from_millis(15);
 /// Late frames in a row before a step down.
 const LATE_FRAMES: u32 = 3;
 /// Early frames in a row before a step up.
 const EARLY_FRAMES: u32 = 20;
-/// JPEG quality lost with each step.
+/// JPEG quality of one step.
 const QUALITY_STEP: u8 = 8;
-/// Below this JPEG quality edges of geometry suffer more than from a lower resolution.
+/// JPEG quality below which edges of geometry suffer more than from a lower resolution.
 const EDGE_QUALITY: u8 = 40;
 /// Factor of a step in resolution or frame rate.
 const FACTOR: f32 = 0.75;
 /// Steps in resolution (down to 0.32) and in frame rate.
 const FACTOR_STEPS: i32 = 4;
 
-/// What a client wishes.
+/// Limits that a client sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QualityLimits {
     /// Lowest JPEG quality, 1 to 100.
@@ -43,8 +43,8 @@ struct Rung {
     frames_per_sec: f32,
 }
 
-/// A ladder from the client's wish down to the least that is still useful: JPEG quality first, then resolution, then
-/// quality below `EDGE_QUALITY` where the client allows that, then frame rate.
+/// A ladder from the client's limits down to the least useful frame: first lower JPEG quality, then lower resolution,
+/// then quality below `EDGE_QUALITY` where the client allows it, then a lower frame rate.
 #[derive(Clone, Debug)]
 pub struct QualityLoop {
     ladder: Vec<Rung>,
@@ -54,18 +54,18 @@ pub struct QualityLoop {
 }
 
 impl QualityLoop {
-    /// Starts at the client's wish.
+    /// Starts at the client's limits.
     pub fn new(limits: QualityLimits) -> Self {
         Self { ladder: ladder(limits), level: 0, late_count: 0, early_count: 0 }
     }
 
-    /// New wishes; the distance from them stays.
+    /// Sets new limits; the level below them is kept.
     pub fn set_limits(&mut self, limits: QualityLimits) {
         self.ladder = ladder(limits);
         self.level = self.level.min(self.ladder.len() - 1);
     }
 
-    /// An acknowledged frame waited so long beyond the smallest round trip.
+    /// A frame was acknowledged `queue_delay` after the smallest round trip.
     pub fn on_ack(&mut self, queue_delay: Duration) {
         self.late_count = if queue_delay > LATE { self.late_count + 1 } else { 0 };
         self.early_count = if queue_delay < EARLY { self.early_count + 1 } else { 0 };
@@ -93,7 +93,7 @@ impl QualityLoop {
         self.rung().frames_per_sec
     }
 
-    /// Whether the link keeps it below the wish.
+    /// Whether it is below the client's limits.
     pub fn is_reduced(&self) -> bool {
         self.level > 0
     }

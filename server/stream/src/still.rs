@@ -1,16 +1,16 @@
-//! Which pictures of a refining view are worth sending.
+//! Which images of a refining view are sent.
 
 use std::time::Duration;
 
 /// Samples must grow by this factor between two stills: error falls by half.
 const GROWTH: u32 = 4;
-/// After this long without a picture a smaller growth is enough, so that slow scenes visibly go on.
+/// After this long without an image a smaller growth suffices, so that slow scenes show progress.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// That smaller growth, as a ratio: 5/4.
+/// The smaller growth, as a ratio: 5/4.
 const PATIENT_GROWTH: (u64, u64) = (5, 4);
 /// Least quiet time after the last input before a view counts as still.
 const MIN_QUIET: Duration = Duration::from_millis(150);
-/// The same in frame periods: at low frame rates a pause between two inputs is no rest.
+/// The same in frame periods: at low frame rates a gesture has long pauses between inputs.
 const QUIET_FRAMES: u32 = 5;
 
 /// Sends stills at about 1, 4, 16, 64 ... samples a pixel, and each final one.
@@ -20,19 +20,19 @@ pub struct StillSchedule {
 }
 
 impl StillSchedule {
-    /// Something changed: the next still is due again.
+    /// The image changed: the next still is due.
     pub fn restart(&mut self) {
         self.last = None;
     }
 
-    /// Whether a still of so many samples a pixel should be sent at `now`.
+    /// Whether a still of `samples` per pixel should be sent at `now`.
     pub fn is_due(&self, samples: u32, is_final: bool, now: Duration) -> bool {
         let Some((sent, at)) = self.last else { return true };
         let grown = u64::from(samples) * PATIENT_GROWTH.1 >= u64::from(sent) * PATIENT_GROWTH.0;
         is_final || samples >= sent.saturating_mul(GROWTH) || (now.saturating_sub(at) >= PATIENCE && grown)
     }
 
-    /// A still of so many samples was sent.
+    /// A still of `samples` per pixel was sent.
     pub fn sent(&mut self, samples: u32, now: Duration) {
         self.last = Some((samples, now));
     }

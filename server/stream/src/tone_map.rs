@@ -1,8 +1,8 @@
 //! Display transform: exposure, tone map, sRGB encoding.
 
-/// Maps linear radiance to display pixels: `x k` with `k = exposure / (1 + exposure max(r, g, b))` (eq. 6.1 of the
-/// thesis this product grew from, applied to the exposed value), then the sRGB curve, then 8 bits. Alpha is 255.
-/// Values that are negative or not a number become black.
+/// Maps linear radiance to display pixels: `x k` with `k = exposure / (1 + exposure max(r, g, b))` (Noack 2022, eq.
+/// 6.1, applied to the exposed value), then the sRGB curve, then 8 bits. Alpha is 255. Values that are negative or not
+/// a number become black.
 pub fn tone_map_to_rgba8(pixels: &[[f32; 3]], exposure: f32) -> Vec<u8> {
     pixels.iter().flat_map(|&rgb| display_pixel(rgb, exposure)).collect()
 }
@@ -40,7 +40,7 @@ mod tests {
     }
 
     #[test]
-    fn rubbish_is_black_or_bounded() {
+    fn values_that_are_no_colours_are_black_or_bounded() {
         let out = tone_map_to_rgba8(&[[f32::NAN, -1.0, 0.0], [f32::INFINITY, 1.0, 0.0]], 1e6);
         assert_eq!(out[..4], [0, 0, 0, 255]);
         assert_eq!(out[4], 255);

@@ -1,12 +1,12 @@
-//! Ack window: how many frames and bytes may be on their way to one client.
+//! Ack window: how many frames and bytes may be in flight to one client.
 //!
-//! The server renders and encodes for a view only while there is room here, so a slow link or a slow tab costs nothing
-//! and the picture that does arrive is new. Absent or lying acknowledgements can only slow down their own view.
+//! The server renders and encodes for a view only while its window has room, so a slow link or a slow tab costs no
+//! rendering and frames arrive without delay. Absent or false acknowledgements can only slow down their own view.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Fewest frames in flight: one travelling while one is made.
+/// Fewest frames in flight: one is transferred while the next one is rendered.
 const MIN_FRAMES: u32 = 2;
 /// Most frames in flight.
 const MAX_FRAMES: u32 = 6;
@@ -14,14 +14,14 @@ const MAX_FRAMES: u32 = 6;
 const MIN_BYTES: f64 = 256.0 * 1024.0;
 /// Bytes in flight, in seconds of measured throughput.
 const BYTES_SECS: f64 = 0.25;
-/// Smallest round trip and largest throughput are taken over this long. The smallest, because the mean contains the
-/// very queue that the window is there to bound.
+/// Time over which the smallest round trip and the largest throughput are taken. The smallest, because the mean
+/// contains the queue that the window bounds.
 const MEMORY: Duration = Duration::from_secs(10);
-/// Round trips above this are a suspended tab, not a link.
+/// Longer round trips come from a suspended tab and do not count.
 const MAX_ROUND_TRIP: Duration = Duration::from_secs(10);
 /// Decoding times kept for the median.
 const DECODE_SAMPLES: usize = 32;
-/// Round trips and throughputs kept; older ones are folded into the newest.
+/// Round trips and throughputs kept.
 const EXTREME_SAMPLES: usize = 64;
 
 /// Why an acknowledgement was ignored.
@@ -32,14 +32,14 @@ pub struct AckError {
     pub seq: u32,
 }
 
-/// What an acknowledgement told.
+/// What follows from an acknowledgement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Acked {
     /// Frames it covers.
     pub frames: u32,
-    /// Round trip of the newest of them, unless it was absurdly long.
+    /// Round trip of the newest of them, unless it exceeds 10 s.
     pub round_trip: Option<Duration>,
-    /// What that frame waited beyond the smallest round trip.
+    /// Time beyond the smallest round trip.
     pub queue_delay: Option<Duration>,
 }
 
@@ -50,7 +50,7 @@ struct Sent {
     at: Duration,
 }
 
-/// State of one view on one connection. All times since the connection began.
+/// State of one view on one connection. All times are since the connection began.
 #[derive(Clone, Debug)]
 pub struct AckWindow {
     next_seq: u32,
@@ -84,7 +84,7 @@ impl AckWindow {
         }
     }
 
-    /// Frames that may be in flight at a frame rate: the round trip's worth, and one to spare.
+    /// Frames that may be in flight at a frame rate: those of one round trip, and one more.
     pub fn frames(&self, frames_per_sec: f32) -> u32 {
         let decode = self.decode_median().unwrap_or_default();
         let Some(round_trip) = self.round_trip_min() else { return MIN_FRAMES };
@@ -113,8 +113,8 @@ impl AckWindow {
         self.next_seq
     }
 
-    /// A frame was handed to the socket; returns its number. Callers check [`AckWindow::has_room`] first: frames beyond
-    /// the largest window are taken as acknowledged, oldest first, so that memory stays bounded.
+    /// Records a frame given to the socket and returns its number. Callers check [`AckWindow::has_room`] first: frames
+    /// beyond the largest window count as acknowledged, oldest first, so that memory is bounded.
     pub fn sent(&mut self, bytes: u64, now: Duration) -> u32 {
         let seq = self.next_seq;
         self.next_seq = seq.wrapping_add(1);
@@ -129,7 +129,8 @@ impl AckWindow {
         seq
     }
 
-    /// The client acknowledges all frames up to `seq`. Numbers not in flight (repeated, invented) change nothing.
+    /// The client acknowledges all frames up to `seq`. Numbers that are not in flight (repeated or invented) change
+    /// nothing.
     pub fn acked(&mut self, seq: u32, decode: Duration, now: Duration) -> Result<Acked, AckError> {
         let position = self.in_flight.iter().position(|sent| sent.seq == seq).ok_or(AckError { seq })?;
         let began = self.in_flight[0].at.max(self.last_ack_at);
@@ -153,7 +154,7 @@ impl AckWindow {
         Ok(Acked { frames: position as u32 + 1, round_trip, queue_delay })
     }
 
-    /// How long the client has owed an acknowledgement; zero while it owes none.
+    /// Time for which an acknowledgement has been outstanding; zero if none is.
     pub fn silence(&self, now: Duration) -> Duration {
         let Some(oldest) = self.in_flight.front() else { return Duration::ZERO };
         now.saturating_sub(oldest.at.max(self.last_ack_at))
@@ -181,14 +182,14 @@ impl AckWindow {
     }
 }
 
-/// Recent values whose smallest or largest counts.
+/// Recent values of which the smallest or the largest counts.
 #[derive(Clone, Debug, Default)]
 struct Extremes(VecDeque<(Duration, f64)>);
 
 impl Extremes {
     fn push(&mut self, value: f64, now: Duration, better: fn(f64, f64) -> f64) {
         self.0.retain(|(at, _)| now.saturating_sub(*at) <= MEMORY);
-        // Values that the new one beats can never be the best again; this keeps the queue short and sorted.
+        // Values worse than the new one can never be the best again; dropping them keeps the queue short and sorted.
         while self.0.back().is_some_and(|(_, last)| better(*last, value) == value) {
             self.0.pop_back();
         }
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_counts_from_the_oldest_debt() {
+    fn silence_counts_from_the_oldest_outstanding_frame() {
         let mut window = AckWindow::default();
         assert_eq!(window.silence(ms(99_000)), ms(0), "owes nothing");
         window.sent(1, ms(1000));
