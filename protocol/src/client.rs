@@ -1,5 +1,6 @@
 //! Messages from the client to the server.
 
+use schemars::JsonSchema;
 use serde::de::Error as _;
 use serde::de::value::{Error as ValueError, StrDeserializer};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -7,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::settings::{Codec, LightPatch, Phase, Pose};
 
 /// A control message with its optional request id, which the answer repeats.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClientEnvelope {
     /// Request id chosen by the client.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -18,7 +19,7 @@ pub struct ClientEnvelope {
 }
 
 /// A message from the client.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "t")]
 pub enum ClientMessage {
     /// The first message, due within [`crate::limits::Limits::hello_timeout_ms`].
@@ -80,7 +81,7 @@ pub enum ClientMessage {
 }
 
 /// What a client states about itself.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Hello {
     /// Protocol versions that the client supports.
     pub v: Vec<u32>,
@@ -95,7 +96,7 @@ pub struct Hello {
 }
 
 /// Capabilities of a client.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Caps {
     /// Codecs that it decodes, best first; those that this version does not know are skipped.
     #[serde(deserialize_with = "known_codecs")]
@@ -119,7 +120,7 @@ fn known_codecs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Codec>
 }
 
 /// A new camera.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraInput {
     /// View.
     #[serde(default)]
@@ -136,7 +137,7 @@ pub struct CameraInput {
 }
 
 /// An edit of lights. `move` previews, `end` commits; both are shown.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightInput {
     /// Input number, shared with cameras.
     pub seq: u32,
@@ -150,7 +151,7 @@ pub struct LightInput {
 }
 
 /// Settings of a view; an absent field leaves its setting as it is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ViewSet {
     /// View.
     #[serde(default)]
@@ -206,7 +207,7 @@ fn present<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<S
 }
 
 /// Acknowledgement of all frames up to `seq`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Ack {
     /// View.
     #[serde(default)]

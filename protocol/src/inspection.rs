@@ -1,9 +1,10 @@
 //! Why a point is as bright as it is: what the surfel cache holds there, and which surfels light it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the surfel cache knows of the surface under a point of the picture.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Inspection {
     /// World space, metres.
     pub position: [f64; 3],
@@ -22,7 +23,7 @@ pub struct Inspection {
 }
 
 /// One surfel's part in a point's light.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contribution {
     /// Surfel.
     pub id: u32,

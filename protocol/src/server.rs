@@ -1,5 +1,6 @@
 //! Messages from the server to the client.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::inspection::Inspection;
@@ -7,7 +8,7 @@ use crate::limits::Limits;
 use crate::settings::{LightState, NamedPose};
 
 /// A control message from the server.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "t")]
 pub enum ServerMessage {
     /// Answer to `hello`.
@@ -89,7 +90,7 @@ pub enum ServerMessage {
 }
 
 /// Answer to `hello`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Welcome {
     /// Protocol version in use.
     pub v: u32,
@@ -125,7 +126,7 @@ pub struct Welcome {
 }
 
 /// The session a connection joined.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SessionInfo {
     /// Session id.
     pub id: String,
@@ -142,7 +143,7 @@ pub struct SessionInfo {
 }
 
 /// An available technique.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TechniqueInfo {
     /// Id for `view.set`.
     pub id: String,
@@ -153,7 +154,7 @@ pub struct TechniqueInfo {
 }
 
 /// An output that a view can show instead of radiance.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OutputInfo {
     /// Id for `view.set`.
     pub id: String,
@@ -162,7 +163,7 @@ pub struct OutputInfo {
 }
 
 /// What happened that the user should know of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoticeKind {
     /// The server is stopping.
@@ -176,7 +177,7 @@ pub enum NoticeKind {
 }
 
 /// State of one view.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Stats {
     /// View.
     pub view: u16,
@@ -207,7 +208,7 @@ pub struct Stats {
 }
 
 /// Audited error of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorInfo {
     /// Tone-mapped RMSE.
     pub rmse: f32,
@@ -216,7 +217,7 @@ pub struct ErrorInfo {
 }
 
 /// A pass that ran.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PassInfo {
     /// Name of the pass, which is that of its kernel and file.
     pub name: String,
@@ -225,7 +226,7 @@ pub struct PassInfo {
 }
 
 /// A pass that did not run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SkippedInfo {
     /// Pass.
     pub name: String,

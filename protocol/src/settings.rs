@@ -1,9 +1,10 @@
 //! Values that both directions share: cameras, lights, codecs.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Absolute camera pose in world space. Metres; right-handed, +Y usually up.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Pose {
     /// Eye.
     pub eye: [f64; 3],
@@ -16,7 +17,7 @@ pub struct Pose {
 }
 
 /// Place of an input in its gesture. `start` and `end` are always sent; a newer `move` may replace a `move`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
     /// First input of a gesture.
@@ -28,7 +29,7 @@ pub enum Phase {
 }
 
 /// Image codec; the number is the header's `codec` byte.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[repr(u8)]
 pub enum Codec {
@@ -41,7 +42,7 @@ pub enum Codec {
 }
 
 /// Kind of a punctual light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LightKind {
     /// Point light, W/sr.
@@ -53,7 +54,7 @@ pub enum LightKind {
 }
 
 /// A punctual light of the session.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Light {
     /// Stable id within the session.
     pub id: u32,
@@ -82,7 +83,7 @@ fn yes() -> bool {
 }
 
 /// An edit of the session's lights; an absent field changes nothing.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightPatch {
     /// Add this light; the server assigns its `id`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -102,7 +103,7 @@ pub struct LightPatch {
 }
 
 /// All lights of a session.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LightState {
     /// Punctual lights, the scene's own first.
     pub lights: Vec<Light>,
@@ -115,7 +116,7 @@ pub struct LightState {
 }
 
 /// A named camera of the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct NamedPose {
     /// Name.
     pub name: String,

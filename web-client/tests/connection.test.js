@@ -169,7 +169,7 @@ test('a malformed message is reported and the connection stays open', () => {
   openAndWelcome();
   transport.last.handlers.onText('{"t":"picked","position":"here"}');
   transport.last.handlers.onText('{"t":"unheard-of"}');
-  assert.deepEqual(problems, ['picked.position is not a list']);
+  assert.deepEqual(problems, ['picked.position is not a list or null']);
   assert.equal(messages.length, 1);
   assert.ok(connection.isLive);
 });

@@ -27,7 +27,7 @@ const HEALTHY_MS = 5_000;
 /**
  * @typedef {object} ConnectionHandlers
  * @property {(state: ConnectionState) => void} onState
- * @property {(message: import('../protocol/messages.js').ServerMessage) => void} onMessage
+ * @property {(message: import('../protocol/types.js').ServerMessage) => void} onMessage
  * @property {(frame: ArrayBuffer) => void} onFrame
  * @property {(error: Error) => void} onProblem a message that could not be parsed; the connection stays open
  */
@@ -49,7 +49,7 @@ export class Connection {
   /**
    * @param {object} options
    * @param {string} options.url path or address of the stream
-   * @param {import('../protocol/messages.js').Caps} options.caps
+   * @param {import('../protocol/types.js').Caps} options.caps
    * @param {string} options.client program and version, for the server's log
    * @param {import('./transport.js').TransportFactory} options.open
    * @param {import('./clock.js').Clock} options.clock
@@ -87,7 +87,7 @@ export class Connection {
 
   /**
    * Sends a message if the connection is live.
-   * @param {import('../protocol/messages.js').ClientMessage} message
+   * @param {import('../protocol/types.js').ClientMessage} message
    * @returns {boolean} whether it was sent
    */
   send(message) {
@@ -118,7 +118,7 @@ export class Connection {
 
   #hello() {
     const { caps, client, clock } = this.options;
-    /** @type {import('../protocol/messages.js').ClientMessage} */
+    /** @type {import('../protocol/types.js').ClientMessage} */
     const hello = { t: 'hello', v: [VERSION], client, caps, ...(this.#resumeToken && { resume: this.#resumeToken }) };
     this.#transport?.send(JSON.stringify(hello));
     this.#timer = clock.setTimeout(() => this.#giveUp(), WELCOME_TIMEOUT_MS);

@@ -126,10 +126,10 @@ export function slider({ label, unit, range, bounds, scale, decimals, changed })
  * @param {object} options
  * @param {string} options.label
  * @param {() => number} options.step metres per dragged pixel
- * @param {(value: import('../protocol/messages.js').Vec3, done: boolean) => void} options.changed
+ * @param {(value: import('../protocol/types.js').Vec3, done: boolean) => void} options.changed
  */
 export function vector({ label, step, changed }) {
-  /** @type {import('../protocol/messages.js').Vec3} */
+  /** @type {import('../protocol/types.js').Vec3} */
   let value = [0, 0, 0];
   const axes = ['X', 'Y', 'Z'].map((name, axis) => {
     let dragged = false;
@@ -175,7 +175,7 @@ export function vector({ label, step, changed }) {
   );
   return {
     element,
-    /** @param {import('../protocol/messages.js').Vec3} next */
+    /** @param {import('../protocol/types.js').Vec3} next */
     set(next) {
       value = next;
       axes.forEach(({ number }, axis) => number.set(/** @type {number} */ (next[axis])));

@@ -13,7 +13,7 @@ const LAST_UPDATE_MS = 1050;
 export class Hud {
   /** @type {import('../protocol/frame.js').FrameHeader | undefined} */
   #frame;
-  /** @type {import('../protocol/messages.js').Stats | undefined} */
+  /** @type {import('../protocol/types.js').Stats | undefined} */
   #stats;
   #moving = false;
   #live = false;
@@ -46,7 +46,7 @@ export class Hud {
     this.#schedule(INTERVAL_MS);
   }
 
-  /** @param {import('../protocol/messages.js').Stats} stats */
+  /** @param {import('../protocol/types.js').Stats} stats */
   stats(stats) {
     this.#stats = stats;
     this.#schedule(INTERVAL_MS);

@@ -19,8 +19,8 @@ const ROWS = /** @type {const} */ ({
 const HINT = 'Click a point of the image to see which surfels light it.';
 const NOTHING = 'No surfels here: nothing was hit, or this session has not shown the surfel technique yet.';
 
-/** @typedef {import('../protocol/messages.js').Inspection} Inspection */
-/** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
+/** @typedef {import('../protocol/types.js').Inspection} Inspection */
+/** @typedef {import('../protocol/types.js').Vec3} Vec3 */
 
 /** @param {readonly number[]} values */
 const several = (values) => values.map((value) => significant(value, 3)).join('  ');

@@ -6,7 +6,7 @@ import { h } from './dom.js';
 import { slider, vector } from './fields.js';
 import { colorOf, directionOf, hexOf, logScale, skyAngles } from './quantities.js';
 
-/** @typedef {import('../protocol/messages.js').Light} Light */
+/** @typedef {import('../protocol/types.js').Light} Light */
 
 const KINDS = { point: 'Point', spot: 'Spot', directional: 'Sun' };
 const INTENSITY = logScale(1e-3, 1e6, 900);
@@ -23,7 +23,7 @@ export class LightEditor {
    * @param {object} options
    * @param {(light: Light, done: boolean) => void} options.changed
    * @param {(id: number) => void} options.removed
-   * @param {() => import('../protocol/messages.js').Vec3} options.focus point the camera looks at
+   * @param {() => import('../protocol/types.js').Vec3} options.focus point the camera looks at
    * @param {() => number} options.step metres per dragged pixel
    */
   constructor(light, { changed, removed, focus, step }) {

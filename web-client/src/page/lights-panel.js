@@ -10,8 +10,9 @@ import { slider } from './fields.js';
 import { LightEditor } from './light-editor.js';
 import { logScale } from './quantities.js';
 
-/** @typedef {import('../protocol/messages.js').Light} Light */
-/** @typedef {import('../protocol/messages.js').LightPatch} LightPatch */
+/** @typedef {import('../protocol/types.js').Light} Light */
+/** @typedef {import('../protocol/types.js').LightPatch} LightPatch */
+/** @typedef {Extract<import('../protocol/types.js').ServerMessage, { t: 'lights' }>} LightState */
 
 const STRENGTH = logScale(1e-2, 1e2, 400);
 
@@ -25,7 +26,7 @@ export class LightsPanel {
   #editing;
   /** Input number of that edit. */
   #sent = 0;
-  /** @type {import('../protocol/messages.js').LightState | undefined} */
+  /** @type {LightState | undefined} */
   #state;
   /** Whether the next new light was added here and will be expanded. */
   #added = false;
@@ -56,7 +57,7 @@ export class LightsPanel {
     );
   }
 
-  /** @param {import('../protocol/messages.js').LightState} state */
+  /** @param {LightState} state */
   update(state) {
     this.#state = state;
     const known = new Set(state.lights.map(({ id }) => id));

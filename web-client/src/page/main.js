@@ -50,7 +50,7 @@ function on(type, listener) {
 }
 
 let sceneShown = '';
-on('welcome', (/** @type {import('../protocol/messages.js').Welcome} */ welcome) => {
+on('welcome', (/** @type {import('../protocol/types.js').Welcome} */ welcome) => {
   if (welcome.session.id !== sceneShown) {
     sceneShown = welcome.session.id;
     lightsPanel.clear();
@@ -61,13 +61,13 @@ on('welcome', (/** @type {import('../protocol/messages.js').Welcome} */ welcome)
   viewPanel.update(welcome);
   statsPanel.welcome(welcome);
 });
-on('lights', (/** @type {import('../protocol/messages.js').LightsMessage} */ state) => lightsPanel.update(state));
+on('lights', (/** @type {Extract<import('../protocol/types.js').ServerMessage, { t: 'lights' }>} */ state) => lightsPanel.update(state));
 on('frame', (/** @type {import('../protocol/frame.js').FrameHeader} */ frame) => {
   hud.frame(frame);
   statsPanel.frame(frame);
   lightsPanel.catchUp(frame.inputSeq);
 });
-on('stats', (/** @type {import('../protocol/messages.js').Stats} */ stats) => {
+on('stats', (/** @type {import('../protocol/types.js').Stats} */ stats) => {
   hud.stats(stats);
   statsPanel.stats(stats);
 });
@@ -77,7 +77,7 @@ on('inspecting', (/** @type {{ on: boolean, waiting: boolean }} */ mode) => {
 });
 on('inspected', (/** @type {import('../view/surfelcast-view.js').Answer} */ answer) => inspector.show(answer));
 on('pose', (/** @type {{ resting: boolean }} */ { resting }) => hud.moving(!resting));
-on('refused', (/** @type {import('../protocol/messages.js').Refusal} */ refusal) => {
+on('refused', (/** @type {Extract<import('../protocol/types.js').ServerMessage, { t: 'error' }>} */ refusal) => {
   toasts.show(refusal.detail, 'error');
   lightsPanel.catchUp();
 });

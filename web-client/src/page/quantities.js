@@ -2,7 +2,7 @@
  * Conversions between the units of the protocol and those of the fields.
  */
 
-/** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
+/** @typedef {import('../protocol/types.js').Vec3} Vec3 */
 
 /** @param {number} factor linear */
 export const evOf = (factor) => Math.log2(factor);

@@ -26,7 +26,7 @@ const MOST_MS = 655.35;
 /** @param {number} ms */
 const headerTime = (ms) => (ms >= MOST_MS ? `over ${milliseconds(MOST_MS)}` : milliseconds(ms));
 
-/** @typedef {import('../protocol/messages.js').Stats} Stats */
+/** @typedef {import('../protocol/types.js').Stats} Stats */
 /** @typedef {import('../protocol/frame.js').FrameHeader} FrameHeader */
 
 export class StatsPanel {
@@ -46,7 +46,7 @@ export class StatsPanel {
     host.append(list, this.passes, this.skipped);
   }
 
-  /** @param {import('../protocol/messages.js').Welcome} welcome */
+  /** @param {import('../protocol/types.js').Welcome} welcome */
   welcome(welcome) {
     this.#set('triangles', count(welcome.session.triangle_count));
     this.#set('device', welcome.device);

@@ -65,7 +65,7 @@ export class ViewPanel {
     );
   }
 
-  /** @param {import('../protocol/messages.js').Welcome} welcome */
+  /** @param {import('../protocol/types.js').Welcome} welcome */
   update(welcome) {
     this.techniques = welcome.techniques;
     this.technique.set(

@@ -11,7 +11,7 @@ export const KIND_FULL = 1;
 export const flags = Object.freeze({ KEYFRAME: 1, STILL: 2, FINAL: 4, LOSSLESS: 16 });
 
 /** MIME type by codec number. */
-const CODECS = /** @type {Record<number, { codec: import('./messages.js').Codec, mime: string }>} */ ({
+const CODECS = /** @type {Record<number, { codec: import('./types.js').Codec, mime: string }>} */ ({
   1: { codec: 'jpeg', mime: 'image/jpeg' },
   2: { codec: 'webp', mime: 'image/webp' },
   4: { codec: 'png', mime: 'image/png' },
@@ -19,7 +19,7 @@ const CODECS = /** @type {Record<number, { codec: import('./messages.js').Codec,
 
 /**
  * @typedef {object} FrameHeader
- * @property {import('./messages.js').Codec} codec
+ * @property {import('./types.js').Codec} codec
  * @property {string} mime MIME type of the payload
  * @property {number} flags see {@link flags}
  * @property {number} view

@@ -5,8 +5,8 @@
 
 import { add, cross, dot, length, mix, normalize, rotate, scale, subtract } from './vector.js';
 
-/** @typedef {import('../protocol/messages.js').Pose} Pose */
-/** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
+/** @typedef {import('../protocol/types.js').Pose} Pose */
+/** @typedef {import('../protocol/types.js').Vec3} Vec3 */
 
 /** Least angle between view direction and up axis; at the pole itself "right" is undefined. */
 const POLE_MARGIN = 0.01;

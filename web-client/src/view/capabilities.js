@@ -2,7 +2,7 @@
  * Features of this browser, probed before the client uses them.
  */
 
-/** @typedef {import('../protocol/messages.js').Codec} Codec */
+/** @typedef {import('../protocol/types.js').Codec} Codec */
 
 /**
  * User-visible names of the features that the client needs and this browser lacks.

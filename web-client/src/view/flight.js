@@ -9,7 +9,7 @@ const SPEED = 0.35;
 /** Factor while Shift is held. */
 const FAST = 4;
 
-/** @type {Record<string, import('../protocol/messages.js').Vec3>} right, up, forward by key */
+/** @type {Record<string, import('../protocol/types.js').Vec3>} right, up, forward by key */
 const DIRECTIONS = {
   KeyW: [0, 0, 1],
   KeyS: [0, 0, -1],
@@ -109,7 +109,7 @@ export class Flight {
     const seconds = Math.min(0.1, (now - this.#last) / 1000);
     this.#last = now;
     const metres = this.rig.radius * SPEED * this.#speed * (this.#fast ? FAST : 1) * seconds;
-    /** @type {import('../protocol/messages.js').Vec3} */
+    /** @type {import('../protocol/types.js').Vec3} */
     const offset = [0, 0, 0];
     for (const code of this.#held) {
       DIRECTIONS[code]?.forEach((part, axis) => {

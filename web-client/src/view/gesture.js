@@ -40,7 +40,7 @@ export class Gesture {
   #newest;
 
   /**
-   * @param {(value: T, phase: import('../protocol/messages.js').Phase) => void} send
+   * @param {(value: T, phase: import('../protocol/types.js').Phase) => void} send
    * @param {Scheduler} [scheduler]
    */
   constructor(send, scheduler = browserScheduler) {

@@ -9,8 +9,8 @@ import { browserScheduler, Gesture } from './gesture.js';
 /** Duration of the animation to another viewpoint. */
 const GLIDE_MS = 350;
 
-/** @typedef {import('../protocol/messages.js').Pose} Pose */
-/** @typedef {import('../protocol/messages.js').NamedPose} NamedPose */
+/** @typedef {import('../protocol/types.js').Pose} Pose */
+/** @typedef {import('../protocol/types.js').NamedPose} NamedPose */
 
 export class Rig {
   /** @type {Pose} */
@@ -30,7 +30,7 @@ export class Rig {
 
   /**
    * @param {object} options
-   * @param {(pose: Pose, phase: import('../protocol/messages.js').Phase) => void} options.send
+   * @param {(pose: Pose, phase: import('../protocol/types.js').Phase) => void} options.send
    * @param {(pose: Pose, resting: boolean) => void} options.changed
    * @param {() => boolean} options.reducedMotion
    * @param {import('./gesture.js').Scheduler} [options.scheduler]
@@ -47,7 +47,7 @@ export class Rig {
 
   /**
    * Adopts the viewpoints of a scene and moves to the first.
-   * @param {{ cameras: NamedPose[], center: import('../protocol/messages.js').Vec3, radius: number }} scene
+   * @param {{ cameras: NamedPose[], center: import('../protocol/types.js').Vec3, radius: number }} scene
    */
   enterScene({ cameras, center, radius }) {
     this.#stopGlide();

@@ -13,9 +13,9 @@ const CLIENT = 'surfelcast-web/0.1.0';
 /** The number of the view: one view per connection, where the protocol allows more. */
 const VIEW = 0;
 
-/** @typedef {import('../protocol/messages.js').ServerMessage} ServerMessage */
-/** @typedef {import('../protocol/messages.js').ViewSettings} ViewSettings */
-/** @typedef {import('../protocol/messages.js').Welcome} Welcome */
+/** @typedef {import('../protocol/types.js').ServerMessage} ServerMessage */
+/** @typedef {Omit<import('../protocol/types.js').ViewSet, 'view'>} ViewSettings */
+/** @typedef {import('../protocol/types.js').Welcome} Welcome */
 
 /**
  * @typedef {object} LinkHandlers
@@ -71,7 +71,7 @@ export class SessionLink {
   /**
    * Connects to a stream and stays connected.
    * @param {string} url path or address
-   * @param {import('../protocol/messages.js').Caps} caps
+   * @param {import('../protocol/types.js').Caps} caps
    */
   open(url, caps) {
     this.close();
@@ -113,7 +113,7 @@ export class SessionLink {
    * @param {object} view
    * @param {{ w: number, h: number } | undefined} view.size
    * @param {boolean} view.paused
-   * @param {import('../protocol/messages.js').Pose} view.pose
+   * @param {import('../protocol/types.js').Pose} view.pose
    */
   describeView({ size, paused, pose }) {
     this.update({ ...size, ...this.#settings, paused });
@@ -138,16 +138,16 @@ export class SessionLink {
   }
 
   /**
-   * @param {import('../protocol/messages.js').Pose} pose
-   * @param {import('../protocol/messages.js').Phase} phase
+   * @param {import('../protocol/types.js').Pose} pose
+   * @param {import('../protocol/types.js').Phase} phase
    */
   sendCamera(pose, phase) {
     return this.#sendInput({ t: 'camera', view: VIEW, pose, phase });
   }
 
   /**
-   * @param {import('../protocol/messages.js').LightPatch} patch
-   * @param {import('../protocol/messages.js').Phase} phase
+   * @param {import('../protocol/types.js').LightPatch} patch
+   * @param {import('../protocol/types.js').Phase} phase
    * @returns {number} the input's number, which the frame that contains it repeats as `inputSeq`
    */
   editLights(patch, phase) {
@@ -165,7 +165,7 @@ export class SessionLink {
 
   /**
    * Whether this is the answer to the newest pick.
-   * @param {import('../protocol/messages.js').Picked} picked
+   * @param {Extract<import('../protocol/types.js').ServerMessage, { t: 'picked' }>} picked
    */
   isNewestPick(picked) {
     return picked.re === this.#pickId;
@@ -219,8 +219,8 @@ export class SessionLink {
 
   /**
    * Numbers and sends an input.
-   * @param {Omit<Extract<import('../protocol/messages.js').ClientMessage, { t: 'camera' }>, 'seq' | 'ts'> |
-   *   Omit<Extract<import('../protocol/messages.js').ClientMessage, { t: 'light' }>, 'seq' | 'ts'>} input
+   * @param {Omit<Extract<import('../protocol/types.js').ClientMessage, { t: 'camera' }>, 'seq' | 'ts'> |
+   *   Omit<Extract<import('../protocol/types.js').ClientMessage, { t: 'light' }>, 'seq' | 'ts'>} input
    */
   #sendInput(input) {
     if (this.isLive) {

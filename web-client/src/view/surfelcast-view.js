@@ -24,9 +24,9 @@ import { watchSize } from './size-watch.js';
 import { StatusCard } from './status-card.js';
 import { sheet, template } from './view-template.js';
 
-/** @typedef {import('../protocol/messages.js').ServerMessage} ServerMessage */
-/** @typedef {import('../protocol/messages.js').ViewSettings} ViewSettings */
-/** @typedef {import('../protocol/messages.js').Inspection} Inspection */
+/** @typedef {import('../protocol/types.js').ServerMessage} ServerMessage */
+/** @typedef {Omit<import('../protocol/types.js').ViewSet, 'view'>} ViewSettings */
+/** @typedef {import('../protocol/types.js').Inspection} Inspection */
 /** @typedef {{ inspection?: Inspection | null, refusal?: string }} Answer to an inspected point */
 
 export class SurfelcastView extends HTMLElement {
@@ -191,8 +191,8 @@ export class SurfelcastView extends HTMLElement {
 
   /**
    * Edits the session's lights.
-   * @param {import('../protocol/messages.js').LightPatch} patch
-   * @param {import('../protocol/messages.js').Phase} phase
+   * @param {import('../protocol/types.js').LightPatch} patch
+   * @param {import('../protocol/types.js').Phase} phase
    * @returns {number} the input's number, which the `frame` that contains it repeats as `inputSeq`
    */
   editLights(patch, phase) {
@@ -272,7 +272,7 @@ export class SurfelcastView extends HTMLElement {
   }
 
   /**
-   * @param {import('../protocol/messages.js').Welcome} welcome
+   * @param {import('../protocol/types.js').Welcome} welcome
    * @param {boolean} isNewScene
    */
   #onWelcome(welcome, isNewScene) {
@@ -311,7 +311,7 @@ export class SurfelcastView extends HTMLElement {
     }
   }
 
-  /** @param {import('../protocol/messages.js').Notice} notice */
+  /** @param {Extract<import('../protocol/types.js').ServerMessage, { t: 'notice' }>} notice */
   #onNotice(notice) {
     const titles = {
       draining: 'The render server is about to restart',
@@ -385,7 +385,7 @@ export class SurfelcastView extends HTMLElement {
   }
 
   /**
-   * @param {import('../protocol/messages.js').Pose} pose
+   * @param {import('../protocol/types.js').Pose} pose
    * @param {boolean} resting
    */
   #onPose(pose, resting) {

@@ -2,7 +2,7 @@
  * Three-component vectors as plain arrays, the form of the protocol.
  */
 
-/** @typedef {import('../protocol/messages.js').Vec3} Vec3 */
+/** @typedef {import('../protocol/types.js').Vec3} Vec3 */
 
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];

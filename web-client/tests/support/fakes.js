@@ -2,6 +2,8 @@
  * A clock and a socket that a test controls.
  */
 
+import { json } from './fixtures.js';
+
 /** Timers and animation frames that run when time is advanced. */
 export class FakeClock {
   time = 0;
@@ -63,19 +65,6 @@ export class FakeTransport {
 }
 
 export const welcome = (token = 'token-1') => ({
-  t: 'welcome',
-  v: 1,
-  conn: 'c1',
-  session: { id: 's', scene: 'sha256:00', scene_name: 'Box', scene_rev: 1, epoch: 0, triangle_count: 12 },
-  limits: { inputs_per_sec: 240, max_side: 4096, max_pixels: 8_300_000, max_lights: 256 },
-  techniques: [{ id: 'path', label: 'Path tracing', summary: 'Reference.' }],
-  cameras: [],
-  center: [0, 0, 0],
-  radius: 1,
-  warnings: [],
-  server_ms: 0,
+  ...json('server_messages.json').find(({ t }) => t === 'welcome'),
   resume_token: token,
-  grace_ms: 120_000,
-  server: 'surfelcast/0.1.0',
-  device: 'test',
 });

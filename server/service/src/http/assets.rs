@@ -25,6 +25,7 @@ use crate::http::problem::ApiError;
 #[exclude = "package-lock.json"]
 #[exclude = "tsconfig*.json"]
 #[exclude = "*.md"]
+#[exclude = "*.d.ts"]
 struct WebClient;
 
 /// The page.
