@@ -1,5 +1,6 @@
-//! The messages for the page, generated from the Rust types: TypeScript types that the page's code is checked with, and the
-//! schema that the page checks received messages with. `SURFELCAST_UPDATE=1` writes both files instead of comparing them.
+//! The messages for the page, generated from the Rust types: TypeScript types that the page's code is checked with, and
+//! the schema that the page checks received messages with. `SURFELCAST_UPDATE=1` writes both files instead of comparing
+//! them.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

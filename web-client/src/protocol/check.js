@@ -1,6 +1,6 @@
 /**
- * Checks parsed JSON against a schema: every field that the client reads must be present, of its type and finite. Unknown
- * fields are ignored, so that a newer server can add some. Absent fields get their default.
+ * Checks parsed JSON against a schema: every field that the client reads must be present, of its type and finite.
+ * Unknown fields are ignored, so that a newer server can add some. Absent fields get their default.
  */
 
 /**
