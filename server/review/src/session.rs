@@ -19,8 +19,8 @@ const FIRST_REVISION: u32 = 1;
 pub struct SessionId(String);
 
 impl SessionId {
-    /// The session that every scene has without anybody making one: the first 16 hex digits of the scene's `sha256:` id.
-    /// `None` where the id is no such digest.
+    /// The session that every scene has without anybody making one: the first 16 hex digits of the scene's `sha256:`
+    /// id. `None` where the id is no such digest.
     pub fn implicit_of(scene: &str) -> Option<Self> {
         let digits = scene.strip_prefix("sha256:")?.get(..IMPLICIT_DIGITS)?;
         let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);

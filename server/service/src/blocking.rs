@@ -23,8 +23,8 @@ impl BlockingPool {
         Self { what, permits: Arc::new(Semaphore::new(width.max(1))) }
     }
 
-    /// Runs `work` on a blocking thread once a permit is free. Dropping the future abandons the result, not the work, and
-    /// the permit is released only when the work has ended.
+    /// Runs `work` on a blocking thread once a permit is free. Dropping the future abandons the result, not the work,
+    /// and the permit is released only when the work has ended.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,

@@ -12,8 +12,8 @@ pub struct ServiceConfig {
     pub data_dir: PathBuf,
     /// Program and version, for `welcome`, `/version` and the cache keys of renders.
     pub server: String,
-    /// Host names (without port) accepted in `Host`, in addition to loopback names and, on other binds, IP addresses. `*`
-    /// accepts any; use it only behind a proxy that checks.
+    /// Host names (without port) accepted in `Host`, in addition to loopback names and, on other binds, IP addresses.
+    /// `*` accepts any; use it only behind a proxy that checks.
     pub hosts: Vec<String>,
     /// Origins (`https://example.org`) accepted in addition to the server's own.
     pub origins: Vec<String>,
@@ -43,6 +43,18 @@ impl ServiceConfig {
             bounds: Bounds::default(),
             timeouts: Timeouts::default(),
         }
+    }
+
+    /// The content security policy of every answer.
+    pub(crate) fn content_security_policy(&self) -> String {
+        let ancestors = self.frame_ancestors.join(" ");
+        format!(
+            "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss:; style-src 'self'; \
+             script-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self' \
+             {ancestors}"
+        )
+        .trim_end()
+        .to_owned()
     }
 }
 

@@ -1,4 +1,5 @@
-//! Why the domain refused or failed. HTTP maps it to problem documents and the live connection to close codes, once each.
+//! Why the domain refused or failed. HTTP maps it to problem documents and the live connection to close codes, once
+//! each.
 
 use std::fmt::Display;
 

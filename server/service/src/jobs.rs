@@ -186,8 +186,8 @@ impl Jobs {
     }
 }
 
-/// Follows a job to its end: passes on a cancel and records the outcome. A job whose device is lost is the renderer's to
-/// start over; if it answers that the device was lost, it has given the device up.
+/// Follows a job to its end: passes on a cancel and records the outcome. A job whose device is lost is the renderer's
+/// to start over; if it answers that the device was lost, it has given the device up.
 async fn drive(jobs: Jobs, job: Arc<Job>, mut ticket: JobTicket) {
     let began = Instant::now();
     let result = tokio::select! {

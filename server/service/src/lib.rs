@@ -19,8 +19,8 @@
 //! ```
 //!
 //! Modules: `http` (accept loop, routes, one file for each resource), `live` (one WebSocket), and what both use:
-//! `sessions`, `outgoing`, `scene_library`, `jobs`. Those know no HTTP; they refuse with a `DomainError`, which `http` maps
-//! to problem documents and `live` to close codes.
+//! `sessions`, `outgoing`, `scene_library`, `jobs`. Those know no HTTP; they refuse with a `DomainError`, which `http`
+//! maps to problem documents and `live` to close codes.
 
 mod blocking;
 mod camera;

@@ -14,7 +14,6 @@ use tokio_util::task::TaskTracker;
 
 use crate::blocking::BlockingPool;
 use crate::config::ServiceConfig;
-use crate::http::guard::content_security_policy;
 use crate::http::idempotency::Idempotency;
 use crate::jobs::Jobs;
 use crate::live::resume::ResumeTokens;
@@ -63,10 +62,10 @@ struct Inner {
 }
 
 impl ServiceState {
-    /// The state of one service. `scenes` are built in (the page opens the first); uploads of earlier runs are found in the
-    /// data folder. Fails when that folder cannot be used.
+    /// The state of one service. `scenes` are built in (the page opens the first); uploads of earlier runs are found in
+    /// the data folder. Fails when that folder cannot be used.
     pub fn new(handle: RendererHandle, scenes: Vec<Arc<Scene>>, config: ServiceConfig) -> Result<Self, ServiceError> {
-        let csp = content_security_policy(&config);
+        let csp = config.content_security_policy();
         let csp = HeaderValue::from_str(&csp).map_err(|_| ServiceError::FrameAncestors(csp))?;
         let scenes = SceneLibrary::open(&config.data_dir, scenes, config.bounds)
             .map_err(|source| ServiceError::DataDir { path: config.data_dir.display().to_string(), source })?;

@@ -82,8 +82,8 @@ impl<J: Clone> RenderTable<J> {
         self.active.insert(id.to_owned(), Record { key: key.to_owned(), render, bytes: 0 });
     }
 
-    /// Records that a render has finished, with the bytes of its result. A failed one (`None`) can still be found by its id,
-    /// but an equal request starts again.
+    /// Records that a render has finished, with the bytes of its result. A failed one (`None`) can still be found by
+    /// its id, but an equal request starts again.
     pub fn finish(&mut self, id: &str, bytes: Option<u64>) {
         self.unfinished = self.unfinished.saturating_sub(1);
         let Some(mut record) = self.active.remove(id) else { return };

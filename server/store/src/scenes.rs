@@ -1,7 +1,7 @@
 //! Uploaded scenes, kept by content in a folder.
 //!
-//! `<64 hex digits>.scene` holds the file as uploaded, `.json` next to it its record. The digits are those of the scene's
-//! id, so no name from outside ever becomes a path. Files appear by rename, whole or not at all.
+//! `<64 hex digits>.scene` holds the file as uploaded, `.json` next to it its record. The digits are those of the
+//! scene's id, so no name from outside ever becomes a path. Files appear by rename, whole or not at all.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -93,7 +93,8 @@ impl SceneFiles {
         if stored.len() >= scenes || stored.values().sum::<u64>() + record.bytes > bytes {
             return Err(StoreError::Full { scenes, bytes });
         }
-        // The record comes last: a scene without one is not listed, so a crash between the two lists nothing half stored.
+        // The record comes last: a scene without one is not listed, so a crash between the two lists nothing half
+        // stored.
         file.persist(path).map_err(|error| error.error)?;
         write_record(&self.folder, &record_path, record)?;
         stored.insert(record.id.clone(), record.bytes);

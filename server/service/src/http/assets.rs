@@ -1,6 +1,7 @@
 //! The browser client, embedded at compile time. A path is a key of a table and never reaches a file system.
 //!
-//! The files are compressed once, at the first use, and not for each answer; so each coding has an entity tag of its own.
+//! The files are compressed once, at the first use, and not for each answer; so each coding has an entity tag of its
+//! own.
 
 use std::collections::HashMap;
 use std::io::Write;

@@ -1,8 +1,8 @@
 //! Checks of `Host` and `Origin` on every request, and the security headers of every answer.
 //!
-//! A browser sends no secret to this server, so these two headers are what keeps a hostile page from controlling a server
-//! on the user's own machine: the check of `Host` defeats DNS names rebound to its address, that of `Origin` cross-site
-//! requests, WebSocket upgrades included (browsers apply no same-origin policy to them).
+//! A browser sends no secret to this server, so these two headers are what keeps a hostile page from controlling a
+//! server on the user's own machine: the check of `Host` defeats DNS names rebound to its address, that of `Origin`
+//! cross-site requests, WebSocket upgrades included (browsers apply no same-origin policy to them).
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -36,17 +36,6 @@ pub(crate) async fn guard(State(state): State<ServiceState>, request: Request, n
     set(HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin"));
     set(header::CONTENT_SECURITY_POLICY, state.csp().clone());
     response
-}
-
-/// The content security policy of every answer.
-pub(crate) fn content_security_policy(config: &ServiceConfig) -> String {
-    let ancestors = config.frame_ancestors.join(" ");
-    format!(
-        "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' ws: wss:; style-src 'self'; \
-         script-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self' {ancestors}"
-    )
-    .trim_end()
-    .to_owned()
 }
 
 fn check(config: &ServiceConfig, local: SocketAddr, method: &Method, headers: &HeaderMap) -> Result<(), ApiError> {

@@ -1,7 +1,7 @@
 //! `Idempotency-Key`: a request that is sent twice does its work once.
 //!
-//! 409 while the first request is being answered, 422 when the same key comes with another body, otherwise the job of the
-//! first request again.
+//! 409 while the first request is being answered, 422 when the same key comes with another body, otherwise the job of
+//! the first request again.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -30,8 +30,8 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// How often metrics fold their samples.
 const UPKEEP: Duration = Duration::from_secs(5);
 
-/// Serves until `shutdown`, then drains: `/readyz` fails, WebSocket clients get a notice and close code 1012, requests in
-/// flight may finish until the drain deadline. Returns when all connections have ended or the deadline has passed.
+/// Serves until `shutdown`, then drains: `/readyz` fails, WebSocket clients get a notice and close code 1012, requests
+/// in flight may finish until the drain deadline. Returns when all connections have ended or the deadline has passed.
 pub async fn run(listener: TcpListener, state: ServiceState, shutdown: CancellationToken) -> io::Result<()> {
     let local = listener.local_addr()?;
     state.set_local_addr(local);
@@ -116,7 +116,8 @@ struct Slots(Mutex<HashMap<IpAddr, usize>>);
 impl Slots {
     fn take(self: &Arc<Self>, ip: IpAddr, total: usize, per_ip: usize) -> Option<Slot> {
         let mut map = self.0.lock();
-        // The map holds one entry for each address with an open connection, so this sum is over at most `total` entries.
+        // The map holds one entry for each address with an open connection, so this sum is over at most `total`
+        // entries.
         if map.values().sum::<usize>() >= total || map.get(&ip).copied().unwrap_or(0) >= per_ip {
             return None;
         }

@@ -1,5 +1,5 @@
-//! HTTP: the accept loop and the routes, what every request passes (guard, CORS, bodies, problems), and one file for each
-//! resource.
+//! HTTP: the accept loop and the routes, what every request passes (guard, CORS, bodies, problems), and one file for
+//! each resource.
 
 mod assets;
 mod body;

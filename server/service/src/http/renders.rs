@@ -43,9 +43,9 @@ pub(crate) struct RenderInfo {
     progress: f32,
     /// Samples a pixel so far.
     samples: u32,
-    /// Latest error audit: `rmse_tonemapped` with its standard error `std_error`; the true RMSE lies between `rmse_low` and
-    /// `rmse_high` in nine cases of ten. `mse_tonemapped` is the unbiased mean square, which chance may put below 0, and
-    /// `rel_mse` the mean square of linear values relative to their size.
+    /// Latest error audit: `rmse_tonemapped` with its standard error `std_error`; the true RMSE lies between `rmse_low`
+    /// and `rmse_high` in nine cases of ten. `mse_tonemapped` is the unbiased mean square, which chance may put below
+    /// 0, and `rel_mse` the mean square of linear values relative to their size.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     error_estimate: Option<ErrorEstimate>,
@@ -158,7 +158,8 @@ fn measurements(output: &RenderOutput) -> serde_json::Value {
 
 /// Renders an image: at once with `Prefer: wait=N` and an image type in `Accept`, else as a job.
 #[utoipa::path(post, path = "/v1/renders", tag = "renders", request_body = RenderBody,
-    params(("Prefer" = Option<String>, Header, description = "wait=N answers with the image if it is finished within N seconds"),
+    params(
+        ("Prefer" = Option<String>, Header, description = "wait=N answers with the image if it is finished within N seconds"),
         ("Idempotency-Key" = Option<String>, Header, description = "A request sent twice does its work once")),
     responses((status = 200, description = "The image, or the finished job for Accept: application/json",
             headers(("Surfelcast-Error-Rmse" = f32, description = "Audited RMSE after the tone map"),
@@ -282,7 +283,8 @@ pub(crate) async fn get(State(state): State<ServiceState>, Path(id): Path<String
                 ("Surfelcast-Samples" = u32, description = "Samples a pixel"),
                 ("Surfelcast-Render-Secs" = f64, description = "Seconds of rendering"))),
         (status = 304, description = "If-None-Match holds"), (status = 404, description = "No such render"),
-        (status = 406, description = "No acceptable image type"), (status = 409, description = "Not finished, failed or canceled")))]
+        (status = 406, description = "No acceptable image type"),
+        (status = 409, description = "Not finished, failed or canceled")))]
 pub(crate) async fn image(
     State(state): State<ServiceState>,
     Path(id): Path<String>,

@@ -95,7 +95,8 @@ pub(crate) struct SceneForm {
 /// Uploads a scene, alone or in a form together with its view JSON. The same content always gets the same id.
 #[utoipa::path(post, path = "/v1/scenes", tag = "scenes",
     params(("name" = Option<String>, Query, description = "Name for people")),
-    request_body(content((Vec<u8> = "model/gltf-binary"), (Vec<u8> = "model/gltf+json"), (SceneForm = "multipart/form-data"))),
+    request_body(content(
+        (Vec<u8> = "model/gltf-binary"), (Vec<u8> = "model/gltf+json"), (SceneForm = "multipart/form-data"))),
     responses(
         (status = 201, body = SceneInfo, description = "Stored"),
         (status = 200, body = SceneInfo, description = "Was stored already"),
