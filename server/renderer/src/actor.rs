@@ -133,11 +133,11 @@ impl Actor {
                     stays
                 });
             }
-            Command::SetLights { session, lights, scene_rev } => {
-                if let Some(state) = self.sessions.get_mut(&session) {
-                    state.set_lights(self.gpu.as_ref(), lights, scene_rev);
+            Command::EditScene { session, edit, scene_rev } => {
+                if let Some(edited) = self.sessions.get_mut(&session) {
+                    let change = edited.edit(self.gpu.as_ref(), edit, scene_rev);
                     for view in self.views.values_mut().filter(|view| view.session == session) {
-                        view.relight();
+                        view.invalidate(change);
                     }
                 }
             }

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use surfelcast_scene::{Camera, Picked, Scene};
+use surfelcast_scene::{Camera, Picked, Scene, SceneEdit};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::error::RendererError;
 use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
-use crate::lights::SessionLights;
 use crate::slot::FrameSlot;
 use crate::view::ViewState;
 
@@ -43,12 +42,12 @@ pub enum Command {
         /// Session.
         session: SessionKey,
     },
-    /// Replace a session's lights; every view of it starts anew. `scene_rev` comes back in the frames.
-    SetLights {
+    /// Change what a session shows; every view of it starts again. `scene_rev` comes back in the frames.
+    EditScene {
         /// Session.
         session: SessionKey,
-        /// New lights.
-        lights: SessionLights,
+        /// The change.
+        edit: SceneEdit,
         /// Revision after the change.
         scene_rev: u32,
     },

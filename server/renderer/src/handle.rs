@@ -3,14 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use surfelcast_scene::{Camera, Picked, Scene};
+use surfelcast_scene::{Camera, Picked, Scene, SceneEdit};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::command::{Command, CommandReceiver, SessionKey, ViewKey};
 use crate::error::RendererError;
 use crate::inspection::Inspection;
 use crate::job::{JobProgress, RenderJob, RenderOutput};
-use crate::lights::SessionLights;
 use crate::slot::FrameSlot;
 use crate::status::RendererStatus;
 use crate::view::ViewState;
@@ -62,14 +61,9 @@ impl RendererHandle {
         self.send(Command::CloseSession { session }).await
     }
 
-    /// Replaces a session's lights.
-    pub async fn set_lights(
-        &self,
-        session: SessionKey,
-        lights: SessionLights,
-        scene_rev: u32,
-    ) -> Result<(), RendererError> {
-        self.send(Command::SetLights { session, lights, scene_rev }).await
+    /// Changes what a session shows.
+    pub async fn edit_scene(&self, session: SessionKey, edit: SceneEdit, scene_rev: u32) -> Result<(), RendererError> {
+        self.send(Command::EditScene { session, edit, scene_rev }).await
     }
 
     /// Opens a view; frames arrive in `slot` while one is wanted.

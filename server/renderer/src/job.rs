@@ -3,10 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use surfelcast_scene::{Camera, Scene};
+use surfelcast_scene::{Camera, LightState, Scene};
 use surfelcast_techniques::AuditResult;
-
-use crate::lights::SessionLights;
 
 /// When to stop; whichever holds first. At least one must be set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -104,7 +102,7 @@ pub struct RenderJob {
     /// Scene.
     pub scene: Arc<Scene>,
     /// Lights; `None` = the scene's own.
-    pub lights: Option<SessionLights>,
+    pub lights: Option<LightState>,
     /// Camera, world space.
     pub camera: Camera,
     /// Pixels.

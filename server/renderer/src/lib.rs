@@ -12,7 +12,6 @@ mod error;
 pub mod handle;
 pub mod inspection;
 pub mod job;
-pub mod lights;
 pub mod progressive;
 mod refinement;
 mod running_job;
@@ -40,7 +39,6 @@ pub use job::{
     Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts,
     Reconstruction, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
 };
-pub use lights::SessionLights;
 pub use progressive::Progressive;
 pub use slot::FrameSlot;
 pub use status::{DeviceInfo, DeviceState, RendererStatus};

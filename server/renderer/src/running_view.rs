@@ -69,11 +69,11 @@ impl RunningView {
         self.refinement.update(state);
     }
 
-    /// The session's lights changed.
-    pub(crate) fn relight(&mut self) {
+    /// Starts again after a change of what the session shows.
+    pub(crate) fn invalidate(&mut self, change: Change) {
         self.refinement.discard();
         if let Some(image) = &mut self.image {
-            image.progressive.technique_mut().invalidate(Change::Lights);
+            image.progressive.technique_mut().invalidate(change);
         }
     }
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use surfelcast_gpu::Gpu;
-use surfelcast_scene::Scene;
-use surfelcast_techniques::{Change, LightBuffers, LightState, SceneBuffers, SessionState};
+use surfelcast_scene::{LightState, Scene, SceneEdit};
+use surfelcast_techniques::{Change, LightBuffers, SceneBuffers, SessionState};
 
 use crate::error::RendererError;
 use crate::progressive::SceneOnDevice;
@@ -16,7 +16,7 @@ use crate::snapshots;
 pub(crate) struct Session {
     pub(crate) scene: Arc<Scene>,
     pub(crate) lights: LightState,
-    /// Revision of the lights, returned in frames.
+    /// Revision of what the session shows, returned in frames.
     pub(crate) scene_rev: u32,
     /// Scene and light table on the device; made when first needed.
     on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
@@ -35,10 +35,22 @@ impl Session {
         Self { scene, lights, scene_rev: 0, on_device: None, shared }
     }
 
-    /// Replaces the lights.
-    pub(crate) fn set_lights(&mut self, gpu: Option<&Gpu>, lights: LightState, scene_rev: u32) {
-        self.lights = lights;
+    /// Applies an edit; returns what techniques have to know of it.
+    pub(crate) fn edit(&mut self, gpu: Option<&Gpu>, edit: SceneEdit, scene_rev: u32) -> Change {
         self.scene_rev = scene_rev;
+        let change = match edit {
+            SceneEdit::Lights(lights) => {
+                self.lights = lights;
+                self.upload_lights(gpu);
+                Change::Lights
+            }
+        };
+        self.shared.invalidate(change);
+        change
+    }
+
+    /// Replaces the lights on the device, or drops what is there so that it is made again when next needed.
+    fn upload_lights(&mut self, gpu: Option<&Gpu>) {
         if let Some(gpu) = gpu
             && let Some((_, buffers)) = &mut self.on_device
             && let Ok(new) = LightBuffers::new(gpu, &self.scene, &self.lights)
@@ -47,7 +59,6 @@ impl Session {
         } else {
             self.on_device = None;
         }
-        self.shared.invalidate(Change::Lights);
     }
 
     /// Scene and lights on the device, uploaded if need be, and what the session's views share.

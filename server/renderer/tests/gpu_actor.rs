@@ -4,10 +4,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use surfelcast_renderer::scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
+use surfelcast_renderer::scene::{LightState, LoadOptions, Scene, SceneEdit, ViewFile, demo, load_bytes};
 use surfelcast_renderer::{
     DeviceState, Frame, FrameKind, FrameSlot, MaterialMode, RenderJob, RendererConfig, RendererError, RendererHandle,
-    SessionLights, StopRules, SurfelSettings, ViewState, start,
+    StopRules, SurfelSettings, ViewState, start,
 };
 
 /// Longest wait for anything a test expects.
@@ -237,13 +237,13 @@ async fn a_moving_camera_is_answered_and_light_edits_show() {
     renderer.update_view(view, ViewState { is_moving: false, input_seq: 6, ..moved.clone() }).await.unwrap();
     frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final && frame.input_seq == 6).await;
 
-    let dark = SessionLights { emissive_strength: 0.0, ..SessionLights::of_scene(&scene) };
-    renderer.set_lights(session, dark, 2).await.unwrap();
+    let dark = LightState { emissive_strength: 0.0, ..LightState::of_scene(&scene) };
+    renderer.edit_scene(session, SceneEdit::Lights(dark), 2).await.unwrap();
     let black = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final && frame.scene_rev == 2).await;
     assert!(brightness(&black) < 0.5, "{}", brightness(&black));
 
-    // Exposure is not light: the same samples are shown anew.
-    renderer.set_lights(session, SessionLights::of_scene(&scene), 3).await.unwrap();
+    // Exposure is not light: the same samples are shown again.
+    renderer.edit_scene(session, SceneEdit::Lights(LightState::of_scene(&scene)), 3).await.unwrap();
     let again = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final && frame.scene_rev == 3).await;
     let exposed = ViewState { is_moving: false, input_seq: 7, exposure: 4.0, ..moved };
     renderer.update_view(view, exposed).await.unwrap();

@@ -43,5 +43,5 @@ pub use load::{load_bytes, load_file};
 pub use material::{AlphaMode, Material, Texture, TextureRef, Wrap};
 pub use pick::Picked;
 pub use scene::{Scene, SceneKey, SharedScene};
-pub use state::{LightState, SceneState, StateKey};
+pub use state::{LightState, SceneEdit, SceneState, StateKey};
 pub use summary::SceneSummary;

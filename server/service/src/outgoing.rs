@@ -8,21 +8,22 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use surfelcast_renderer::{RendererError, RendererHandle, SessionKey, SessionLights, ViewKey, ViewState};
+use surfelcast_renderer::scene::SceneEdit;
+use surfelcast_renderer::{RendererError, RendererHandle, SessionKey, ViewKey, ViewState};
 use tokio::sync::mpsc;
 
 /// One message to the renderer.
 #[derive(Clone, Debug, PartialEq)]
 enum Update {
-    /// The session's lights, with their revision.
-    Scene(SessionLights, u32),
+    /// A change of the scene, with the revision after it.
+    Scene(SceneEdit, u32),
     /// The state of a view.
     View(ViewKey, Box<ViewState>),
 }
 
 #[derive(Debug, Default)]
 struct Pending {
-    scene: Option<(SessionLights, u32)>,
+    scene: Option<(SceneEdit, u32)>,
     /// Least recently sent first, so that a busy view does not starve the others.
     views: VecDeque<(ViewKey, Box<ViewState>)>,
 }
@@ -36,8 +37,8 @@ impl Pending {
     }
 
     fn pop(&mut self) -> Option<Update> {
-        if let Some((lights, revision)) = self.scene.take() {
-            return Some(Update::Scene(lights, revision));
+        if let Some((edit, revision)) = self.scene.take() {
+            return Some(Update::Scene(edit, revision));
         }
         self.views.pop_front().map(|(view, state)| Update::View(view, state))
     }
@@ -69,9 +70,9 @@ impl Outgoing {
         Self { pending, wake }
     }
 
-    /// Queues the session's lights in place of those that are still queued.
-    pub(crate) fn set_lights(&self, lights: SessionLights, revision: u32) {
-        self.pending.lock().scene = Some((lights, revision));
+    /// Queues an edit of the scene in place of the one that is still queued.
+    pub(crate) fn edit_scene(&self, edit: SceneEdit, revision: u32) {
+        self.pending.lock().scene = Some((edit, revision));
         self.wake();
     }
 
@@ -94,7 +95,7 @@ impl Outgoing {
 
 async fn send(handle: &RendererHandle, session: SessionKey, update: Update) -> Result<(), RendererError> {
     match update {
-        Update::Scene(lights, revision) => handle.set_lights(session, lights, revision).await,
+        Update::Scene(edit, revision) => handle.edit_scene(session, edit, revision).await,
         Update::View(view, state) => handle.update_view(view, *state).await,
     }
 }
@@ -102,12 +103,12 @@ async fn send(handle: &RendererHandle, session: SessionKey, update: Update) -> R
 #[cfg(test)]
 mod tests {
     use surfelcast_renderer::Command;
-    use surfelcast_renderer::scene::Camera;
+    use surfelcast_renderer::scene::{Camera, LightState};
 
     use super::*;
 
-    fn lights() -> SessionLights {
-        SessionLights { punctual: Vec::new(), environment_strength: 1.0, emissive_strength: 1.0 }
+    fn edit() -> SceneEdit {
+        SceneEdit::Lights(LightState { punctual: Vec::new(), environment_strength: 1.0, emissive_strength: 1.0 })
     }
 
     fn view_state(input_seq: u32) -> ViewState {
@@ -139,14 +140,14 @@ mod tests {
         let (a, b) = (ViewKey(1), ViewKey(2));
         pending.set_view(a, view_state(1));
         pending.set_view(b, view_state(2));
-        pending.scene = Some((lights(), 2));
+        pending.scene = Some((edit(), 2));
         pending.set_view(a, view_state(3));
-        pending.scene = Some((lights(), 3));
-        assert_eq!(pending.pop(), Some(Update::Scene(lights(), 3)));
+        pending.scene = Some((edit(), 3));
+        assert_eq!(pending.pop(), Some(Update::Scene(edit(), 3)));
         assert_eq!(pending.pop(), Some(Update::View(a, Box::new(view_state(3)))));
         pending.set_view(a, view_state(4));
-        pending.scene = Some((lights(), 4));
-        assert_eq!(pending.pop(), Some(Update::Scene(lights(), 4)), "even between two views");
+        pending.scene = Some((edit(), 4));
+        assert_eq!(pending.pop(), Some(Update::Scene(edit(), 4)), "even between two views");
         assert_eq!(pending.pop(), Some(Update::View(b, Box::new(view_state(2)))), "a busy view waits for the others");
         assert_eq!(pending.pop(), Some(Update::View(a, Box::new(view_state(4)))));
         assert_eq!(pending.pop(), None);
@@ -157,7 +158,7 @@ mod tests {
         let (handle, mut commands, _status) = RendererHandle::channel();
         let outgoing = Outgoing::start(handle, SessionKey(7));
         for n in 1..=1000 {
-            outgoing.set_lights(lights(), n);
+            outgoing.edit_scene(edit(), n);
             outgoing.set_view(ViewKey(1), view_state(n));
             if n % 10 == 0 {
                 tokio::task::yield_now().await;
@@ -166,7 +167,7 @@ mod tests {
         let mut revision = 0;
         loop {
             match commands.recv().await.expect("a command") {
-                Command::SetLights { session, scene_rev, .. } => {
+                Command::EditScene { session, scene_rev, .. } => {
                     assert_eq!(session, SessionKey(7));
                     assert!(scene_rev > revision, "revisions rise");
                     revision = scene_rev;

@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 use surfelcast_protocol::settings::{Light, LightKind};
-use surfelcast_renderer::SessionLights;
-use surfelcast_renderer::scene::{Environment, PunctualKind, PunctualLight, Scene};
+use surfelcast_renderer::scene::{Environment, LightState, PunctualKind, PunctualLight, Scene};
 use surfelcast_review::LightSet;
 use surfelcast_review::lights::RangedLight;
 
@@ -17,8 +16,8 @@ pub(crate) fn light_set_of(scene: &Scene) -> LightSet {
 }
 
 /// The lights that are on, as the renderer takes them. `origin` is that of the scene's space.
-pub(crate) fn session_lights(lights: &LightSet, origin: DVec3) -> SessionLights {
-    SessionLights {
+pub(crate) fn light_state_of(lights: &LightSet, origin: DVec3) -> LightState {
+    LightState {
         punctual: lights.enabled().map(|light| punctual_of(light, origin)).collect(),
         environment_strength: lights.environment_strength(),
         emissive_strength: lights.emissive_strength(),
@@ -88,7 +87,7 @@ mod tests {
         };
         let mut set = LightSet::new([], false);
         set.apply(&LightPatch { add: Some(lamp.clone()), ..LightPatch::default() }, 4).expect("valid");
-        let lights = session_lights(&set, origin);
+        let lights = light_state_of(&set, origin);
         assert_eq!(lights.punctual.len(), 1);
         let light = &lights.punctual[0];
         assert_eq!(light.position.to_array(), [0.0, 2.0, 0.0]);
@@ -96,7 +95,7 @@ mod tests {
         assert_eq!(light.intensity, [10.0, 5.0, 2.5]);
         let off = LightPatch { set: Some(Light { id: 1, enabled: false, ..lamp }), ..LightPatch::default() };
         set.apply(&off, 4).expect("valid");
-        assert!(session_lights(&set, origin).punctual.is_empty());
+        assert!(light_state_of(&set, origin).punctual.is_empty());
     }
 
     #[test]
@@ -111,6 +110,6 @@ mod tests {
             range: f32::INFINITY,
         };
         let set = LightSet::new([ranged_light_of(&original, origin)], false);
-        assert_eq!(session_lights(&set, origin).punctual, [original]);
+        assert_eq!(light_state_of(&set, origin).punctual, [original]);
     }
 }

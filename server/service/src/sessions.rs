@@ -8,7 +8,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::server::ServerMessage;
-use surfelcast_renderer::scene::Scene;
+use surfelcast_renderer::scene::{Scene, SceneEdit};
 use surfelcast_renderer::{RendererHandle, SessionKey, ViewKey, ViewState};
 use surfelcast_review::{Edit, ReviewError, Session, SessionId};
 use surfelcast_store::SceneRecord;
@@ -20,7 +20,7 @@ use crate::config::ServiceConfig;
 use crate::error::DomainError;
 use crate::outgoing::Outgoing;
 use crate::scene_library::{SceneEntry, SceneLibrary};
-use crate::scene_lights::{light_set_of, session_lights};
+use crate::scene_lights::{light_set_of, light_state_of};
 
 /// Broadcasts that a slow member may be behind; a member that is further behind is sent the whole state.
 const EVENT_CAPACITY: usize = 16;
@@ -92,7 +92,7 @@ impl Live {
         let mut session = self.session.lock();
         let revision = session.apply(edit, &self.limits)?;
         // Queued under the lock, so that revisions arrive in order.
-        self.outgoing.set_lights(session_lights(session.lights(), self.scene.origin), revision);
+        self.outgoing.edit_scene(SceneEdit::Lights(light_state_of(session.lights(), self.scene.origin)), revision);
         let _ = self.events.send(lights_message(&session));
         Ok(revision)
     }
@@ -205,7 +205,8 @@ impl Sessions {
         let outgoing = Outgoing::start(self.0.handle.clone(), key);
         let session = match closed.filter(|(at, _)| at.elapsed() < self.0.keep) {
             Some((_, session)) => {
-                outgoing.set_lights(session_lights(session.lights(), scene.origin), session.revision());
+                outgoing
+                    .edit_scene(SceneEdit::Lights(light_state_of(session.lights(), scene.origin)), session.revision());
                 session
             }
             None => Session::new(entry.session.clone(), entry.record.id.clone(), light_set_of(&scene)),

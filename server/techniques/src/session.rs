@@ -63,8 +63,10 @@ impl SessionState {
 
     /// Forgets what no longer holds.
     pub fn invalidate(&self, change: Change) {
-        if let (Change::Lights, Some((_, cache))) = (change, &*self.surfels.lock()) {
-            cache.lock().relight();
+        match (change, &*self.surfels.lock()) {
+            (Change::Camera, _) | (_, None) => {}
+            // Means are forgotten as first guesses; places stay, since surfels do not follow objects yet.
+            (Change::Lights | Change::Transforms, Some((_, cache))) => cache.lock().relight(),
         }
     }
 }

@@ -22,6 +22,8 @@ pub enum Change {
     Camera,
     /// Any light, the environment or emission strength.
     Lights,
+    /// Where objects are, or whether they are visible. No technique keeps anything of its image across it.
+    Transforms,
 }
 
 /// What is promised about a technique's picture; tests hold it to that.

@@ -1,11 +1,13 @@
 //! What changes while the file stays the same: the instant, the nodes' transforms, the lights.
 
 pub(crate) mod camera;
+mod edit;
 pub(crate) mod light;
 mod nodes;
 
 use sha2::{Digest, Sha256};
 
+pub use edit::SceneEdit;
 pub use light::LightState;
 pub(crate) use nodes::{Nodes, PlacedNode};
 

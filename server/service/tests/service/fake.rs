@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use surfelcast_renderer::scene::Camera;
+use surfelcast_renderer::scene::{Camera, SceneEdit};
 use surfelcast_renderer::status::TechniqueDescription;
 use surfelcast_renderer::{
     Aov, Command, CommandReceiver, Contribution, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot,
@@ -183,7 +183,7 @@ impl Actor {
                 let _ = reply.send(self.behaviour.session_error.clone().map_or(Ok(()), Err));
             }
             Command::CloseSession { .. } => self.record(Recorded::CloseSession),
-            Command::SetLights { session, lights, scene_rev } => {
+            Command::EditScene { session, edit: SceneEdit::Lights(lights), scene_rev } => {
                 self.record(Recorded::Lights { scene_rev, count: lights.punctual.len() });
                 self.revisions.insert(session, scene_rev);
                 self.views.values_mut().filter(|view| view.session == session).for_each(|view| view.samples = 0);

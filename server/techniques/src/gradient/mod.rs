@@ -307,8 +307,8 @@ impl Technique for GradientTracer {
 
     fn invalidate(&mut self, change: Change) {
         match change {
-            // Every estimate belongs to one camera and one set of lights.
-            Change::Camera | Change::Lights => {
+            // Every estimate belongs to one camera, one set of lights and one arrangement of objects.
+            Change::Camera | Change::Lights | Change::Transforms => {
                 self.phase = Phase::Trace;
                 self.batches.restart();
             }

@@ -56,8 +56,8 @@ impl Technique for PathTracer {
 
     fn invalidate(&mut self, change: Change) {
         match change {
-            // Every pixel's estimate belongs to one camera and one set of lights.
-            Change::Camera | Change::Lights => self.samples.restart(),
+            // Every pixel's estimate belongs to one camera, one set of lights and one arrangement of objects.
+            Change::Camera | Change::Lights | Change::Transforms => self.samples.restart(),
         }
     }
 

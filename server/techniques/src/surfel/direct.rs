@@ -128,8 +128,8 @@ impl DirectLight {
                 self.turn = self.turn.wrapping_add(1);
             }
             Change::Camera => {}
-            // The cache belongs to the session, which tells it of new lights once.
-            Change::Lights => {
+            // The cache belongs to the session, which tells it of such a change once.
+            Change::Lights | Change::Transforms => {
                 self.turn = 0;
                 self.taken = None;
                 if let Some(reuse) = &mut self.reuse {

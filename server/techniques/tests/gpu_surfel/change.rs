@@ -47,6 +47,28 @@ fn three_times_the_light_is_there_within_a_few_frames() {
     assert!((0.97..1.03).contains(&share), "{share}");
 }
 
+/// Nothing of an image, and no more of the cache than a first guess, survives where objects were moved.
+#[test]
+fn moved_objects_start_everything_again_as_new_lights_do() {
+    let gpu = gpu();
+    let scene = scene(&lit_room(), 0.0);
+    let settings = SurfelSettings { target_error: 0.0, ..SurfelSettings::BALANCED };
+    let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
+    let after = |change: Change| {
+        let rig = Rig::new(&gpu, &scene, settings, [24, 24]);
+        let mut picture = rig.picture();
+        rig.frames(picture.as_mut(), view, 8);
+        rig.session.invalidate(change);
+        picture.invalidate(change);
+        assert_eq!(picture.samples(), 0);
+        rig.frames(picture.as_mut(), view, 2);
+        rig.values(picture.as_ref())
+    };
+    let moved = after(Change::Transforms);
+    assert_eq!(moved, after(Change::Lights));
+    assert_ne!(moved, after(Change::Camera), "a camera keeps the cache's means");
+}
+
 /// The first frame, which is all there is while a camera moves, comes as soon as it can; those after it quieten pixels too.
 #[test]
 fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
