@@ -1,7 +1,7 @@
 //! The render actor: one thread that owns the device and shares its time.
 //!
-//! Each turn takes all waiting commands, picks who works next, and lets it do one short step. Views in a gesture come
-//! first; stills and jobs share what is left by device time used. With nothing to do the thread sleeps on its channel.
+//! Its loop handles all waiting commands, chooses who works next (`scheduler.rs`) and runs one short step. Without work
+//! it sleeps on its channel.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -94,7 +94,7 @@ impl Actor {
         }
     }
 
-    /// Takes all waiting commands; sleeps for one where there is nothing else to do.
+    /// Handles all waiting commands; sleeps until one comes where there is no work.
     fn take_commands(&mut self) {
         if self.next_worker().is_none() && !self.jobs.is_any_waiting() {
             self.publish();
@@ -200,14 +200,14 @@ impl Actor {
         Ok(())
     }
 
-    /// Keeps a session's surfels for the next time its scene is opened.
+    /// Saves a session's surfels for the next session of its scene.
     fn save_surfels(&self, session: &Session) {
         if let (Some(folder), Some(gpu)) = (&self.config.snapshot_dir, &self.gpu) {
             session.save(gpu, folder);
         }
     }
 
-    /// What the session's surfel cache knows of a point.
+    /// Inspects the session's surfel cache at a point.
     fn inspect(
         &mut self,
         key: SessionKey,
@@ -307,7 +307,7 @@ impl Actor {
         self.gpu.is_some()
     }
 
-    /// The device is gone: everything on it is dropped and made again from what the host holds.
+    /// The device is lost: drops everything on it, to be created again from the data on the host.
     fn recover(&mut self) {
         tracing::warn!("the render device was lost");
         if let Some(gpu) = self.gpu.take() {
@@ -326,8 +326,8 @@ impl Actor {
         }
     }
 
-    /// There is no device and there will be none: views are closed, and jobs may be sent again, to another server or after a
-    /// restart.
+    /// The device is given up: closes the views and answers the jobs, which may be sent again to another server or
+    /// after a restart.
     fn fail(&mut self) {
         tracing::error!("no render device; restart the server once `surfelcast doctor` finds one");
         self.set_state(DeviceState::Failed);

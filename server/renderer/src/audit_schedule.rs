@@ -23,9 +23,9 @@ impl AuditSchedule {
         self.next
     }
 
-    /// Plans the audit after one at `samples` that found the error to be below `bound`: where the error, which falls with the
-    /// root of the samples, should reach the goal, but at no more than `most_growth` times the samples, since it may fall
-    /// faster or have been audited too high.
+    /// Plans the audit after one at `samples` that found the error to be below `bound`: where the error, which falls
+    /// with the root of the samples, should reach the goal, but at no more than `most_growth` times the samples, since
+    /// it may fall faster or have been audited too high.
     pub(crate) fn plan(&mut self, samples: u32, bound: f64, goal: f64, most_growth: f64) {
         let samples = f64::from(samples.max(1));
         let at_goal = samples * (bound / goal).powi(2);

@@ -22,13 +22,13 @@ pub struct ViewKey(pub u64);
 /// The receiving end of the command channel.
 pub type CommandReceiver = mpsc::Receiver<Command>;
 
-/// Answer channel of a command.
+/// Channel for the answer to a command.
 pub type Reply<T> = oneshot::Sender<Result<T, RendererError>>;
 
-/// Everything the actor can be told.
+/// Requests to the actor.
 #[derive(Debug)]
 pub enum Command {
-    /// Make a session of a scene. Admission is by estimated bytes before anything is uploaded.
+    /// Open a session of a scene. It is admitted by its estimated bytes before anything is uploaded.
     OpenSession {
         /// Chosen by the handle.
         session: SessionKey,
@@ -37,12 +37,12 @@ pub enum Command {
         /// Answer.
         reply: Reply<()>,
     },
-    /// Drop a session and its views.
+    /// Close a session and its views.
     CloseSession {
         /// Session.
         session: SessionKey,
     },
-    /// Change what a session shows; every view of it starts again. `scene_rev` comes back in the frames.
+    /// Change what a session shows; all its views start again. `scene_rev` is returned in their frames.
     EditScene {
         /// Session.
         session: SessionKey,
@@ -76,47 +76,47 @@ pub enum Command {
         /// View.
         view: ViewKey,
     },
-    /// Find the surface under a point of a picture.
+    /// Find the surface under a point of an image.
     Pick {
         /// Session.
         session: SessionKey,
-        /// Camera of the picture.
+        /// Camera of the image.
         camera: Camera,
-        /// Width over height of the picture.
+        /// Width over height of the image.
         aspect: f64,
-        /// Position in the picture, 0 to 1 from the top left.
+        /// Position in the image, 0 to 1 from the top left.
         point: [f32; 2],
         /// Answer.
         reply: Reply<Option<Picked>>,
     },
-    /// Find the surfels that light the surface under a point of a picture.
+    /// Find the surfels that light the surface under a point of an image.
     Inspect {
         /// Session.
         session: SessionKey,
-        /// Camera of the picture.
+        /// Camera of the image.
         camera: Camera,
-        /// Size of the picture, pixels.
+        /// Size of the image, pixels.
         size: [u32; 2],
-        /// Position in the picture, 0 to 1 from the top left.
+        /// Position in the image, 0 to 1 from the top left.
         point: [f32; 2],
         /// Answer; nothing where no surface is hit or the session keeps no surfels.
         reply: Reply<Option<Inspection>>,
     },
-    /// Render one picture in the background.
+    /// Render one image in the background.
     Render {
         /// The job.
         job: Box<RenderJob>,
         /// Progress; dropping all receivers does not cancel.
         progress: watch::Sender<JobProgress>,
-        /// Set to true to cancel; the answer is then what was done so far, or [`RendererError::Canceled`].
+        /// Set to true to cancel; the answer is then the image so far, or [`RendererError::Canceled`].
         cancel: watch::Receiver<bool>,
         /// Answer.
         reply: Reply<RenderOutput>,
     },
-    /// A slot became wanted; look at the views again.
+    /// A slot became wanted: check the views again.
     Wake,
     /// Lose the device on purpose (tests only, guarded by configuration).
     LoseDevice,
-    /// Finish the frame in hand and stop.
+    /// Finish the current step and stop.
     Stop,
 }

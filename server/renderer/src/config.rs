@@ -7,18 +7,18 @@ use std::path::PathBuf;
 pub struct RendererConfig {
     /// Adapter by index or part of its name; the best one otherwise.
     pub adapter: Option<String>,
-    /// Where compiled pipelines are kept.
+    /// Folder of compiled pipelines.
     pub cache_dir: Option<PathBuf>,
-    /// Where surfel caches of sessions are kept over restarts.
+    /// Folder of the sessions' surfel caches, kept over restarts.
     pub snapshot_dir: Option<PathBuf>,
-    /// Device bytes that may be used.
+    /// Budget of device memory.
     pub memory_budget_bytes: Option<u64>,
     /// Jobs that may wait.
     pub max_queued_jobs: usize,
     /// Jobs that run side by side.
     pub max_running_jobs: usize,
-    /// Compile at once the variants that serve any scene: a server shows its first picture sooner, a single render would
-    /// only lose time.
+    /// Whether to compile the variants for any scene at start: a server shows its first frame sooner, a single render
+    /// would only lose time.
     pub prepares_general_kernels: bool,
     /// Tests may lose the device on purpose.
     pub allow_forced_loss: bool,

@@ -1,4 +1,4 @@
-//! The outside's end of the render actor.
+//! Handle of the render actor for other threads.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,7 +17,7 @@ use crate::view::ViewState;
 /// Commands that may wait.
 const COMMAND_CAPACITY: usize = 256;
 
-/// Talks to the actor. Cheap to clone.
+/// Sends commands to the actor. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct RendererHandle {
     commands: mpsc::Sender<Command>,
@@ -37,7 +37,7 @@ pub struct JobTicket {
 }
 
 impl RendererHandle {
-    /// A handle and the ends that an actor (or a test's fake) works with.
+    /// A handle, and the channel ends of the actor (or of a test's stand-in).
     pub fn channel() -> (Self, CommandReceiver, watch::Sender<RendererStatus>) {
         let (commands, receiver) = mpsc::channel(COMMAND_CAPACITY);
         let (status_sender, status) = watch::channel(RendererStatus::default());
@@ -88,7 +88,7 @@ impl RendererHandle {
         self.send(Command::CloseView { view }).await
     }
 
-    /// Finds the surface under a point of a picture.
+    /// Finds the surface under a point of an image.
     pub async fn pick(
         &self,
         session: SessionKey,
@@ -99,7 +99,7 @@ impl RendererHandle {
         self.ask(|reply| Command::Pick { session, camera, aspect, point, reply }).await
     }
 
-    /// Finds the surfels that light the surface under a point of a picture.
+    /// Finds the surfels that light the surface under a point of an image.
     pub async fn inspect(
         &self,
         session: SessionKey,
@@ -123,17 +123,17 @@ impl RendererHandle {
         Ok(JobTicket { progress, cancel, result })
     }
 
-    /// Tells the actor that a slot became wanted. A full queue is fine: the actor is awake then.
+    /// Wakes the actor after a slot became wanted. With a full queue the actor is awake already.
     pub fn wake(&self) {
         let _ = self.commands.try_send(Command::Wake);
     }
 
-    /// Asks the actor to lose its device, where its configuration allows that.
+    /// Requests the loss of the device, where the configuration allows it.
     pub async fn lose_device(&self) -> Result<(), RendererError> {
         self.send(Command::LoseDevice).await
     }
 
-    /// Asks the actor to stop.
+    /// Requests the actor to stop.
     pub async fn stop(&self) {
         let _ = self.send(Command::Stop).await;
     }

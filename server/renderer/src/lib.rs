@@ -1,7 +1,11 @@
-//! The render actor: sessions' GPU state, scheduling, frame loop, convergence, error audit. Commands in, frames out.
+//! The render actor: GPU state of sessions, scheduling, refinement of views, batch renders, error audits.
 //!
-//! The actor runs on its own named thread and owns the GPU. Everything else talks to it through [`RendererHandle`], whose
-//! command channel is bounded, and reads frames from newest-wins [`FrameSlot`]s.
+//! The actor runs on a named thread of its own and owns the GPU. Other threads send it commands through
+//! [`RendererHandle`], whose channel is bounded, and read frames from [`FrameSlot`]s that hold the newest one.
+//!
+//! Policy has no device in it and is tested on plain data: who works next (`scheduler`), what a view renders next
+//! (`refinement`), when a job is done (`stop`), when errors are audited (`audit_schedule`), when a device is given up
+//! (`device_life`). [`progressive`] drives a technique; `running_view` and `running_job` carry the decisions out.
 
 mod actor;
 mod audit_schedule;

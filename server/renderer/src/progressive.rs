@@ -121,8 +121,8 @@ impl<T: Technique + ?Sized> Progressive<T> {
         self.audit.is_some()
     }
 
-    /// Estimates the error of the image, where it can be audited. What that costs is the caller's to count: benches leave it
-    /// out.
+    /// Estimates the error of the image, where it can be audited. What that costs is the caller's to count: benches
+    /// leave it out.
     pub fn audit(&mut self, on: SceneOnDevice<'_>, view: &FrameView) -> Result<Option<AuditResult>, TechniqueError> {
         let Some(audit) = &mut self.audit else { return Ok(None) };
         let (picture, samples) = (self.technique.picture(), self.technique.samples());

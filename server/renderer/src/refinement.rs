@@ -1,8 +1,8 @@
-//! What a view renders next: coarse frames while its camera moves, sharper and less noisy ones once it rests, nothing when it
-//! has converged.
+//! What a view renders next: coarse frames while its camera moves, sharper and less noisy ones once it rests, nothing
+//! when it has converged.
 //!
-//! No device in it: clock, throughput, samples and audited errors are handed in, decisions come out, and `running_view.rs`
-//! carries them out.
+//! No device in it: clock, throughput, samples and audited errors are handed in, decisions come out, and
+//! `running_view.rs` carries them out.
 
 use std::time::{Duration, Instant};
 
@@ -120,8 +120,8 @@ impl Refinement {
         self.is_stale = true;
     }
 
-    /// The current image does not fit into memory: try a smaller one, which the client scales up. Returns whether one is left
-    /// to try.
+    /// The current image does not fit into memory: try a smaller one, which the client scales up. Returns whether one
+    /// is left to try.
     pub(crate) fn shrink(&mut self) -> bool {
         let is_possible = self.size_limit > MIN_SCALE;
         if is_possible {
@@ -151,8 +151,9 @@ impl Refinement {
         self.newest.is_paused || (!self.is_stale && !self.is_unsent && self.is_converged())
     }
 
-    /// Whether a step would do something now. `samples` are those of the current image, if there is one, `is_wanted` tells
-    /// whether a frame could be sent. A frame that cannot be sent yet is not begun while moving; a still refines meanwhile.
+    /// Whether a step would do something now. `samples` are those of the current image, if there is one, `is_wanted`
+    /// tells whether a frame could be sent. A frame that cannot be sent yet is not begun while moving; a still refines
+    /// meanwhile.
     pub(crate) fn wants_step(&self, samples: Option<u32>, is_wanted: bool, throughput: Throughput) -> bool {
         if self.newest.is_paused {
             return false;
@@ -169,8 +170,8 @@ impl Refinement {
 
     /// Begins the image of the newest settings where the current one is stale. Returns whether it did.
     pub(crate) fn begin_if_stale(&mut self, has_image: bool, throughput: Throughput) -> bool {
-        // A frame of a gesture that has begun is finished and shown even if a newer camera is known: a frame of a moment ago
-        // is better than none. A still is given up at once.
+        // A frame of a gesture that has begun is finished and shown even if a newer camera is known: a frame of a
+        // moment ago is better than none. A still is given up at once.
         let is_busy_moving = matches!(self.stage, Stage::Moving { .. }) && has_image;
         if !self.is_stale || is_busy_moving {
             return false;

@@ -1,4 +1,4 @@
-//! A batch render at work: steps of the technique until a stop rule holds, then the output.
+//! A batch render: steps of the technique until a stop rule holds, then the output.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,11 +24,11 @@ use crate::throughput::Throughput;
 /// Largest factor of samples between audits: an error that falls with their root overshoots its goal by at most 10 %.
 const AUDIT_GROWTH: f64 = 1.25;
 
-/// Whether a job goes on.
+/// State of a job after a step.
 pub(crate) enum JobState {
-    /// Call again.
+    /// It needs further steps.
     Running,
-    /// Finished.
+    /// It has ended.
     Done(Box<RenderOutput>),
 }
 
@@ -45,7 +45,7 @@ pub(crate) struct RunningJob {
     setup_secs: f64,
 }
 
-/// Kernels that a job will run, to be compiled before it takes the actor's time.
+/// Kernels that a job will run, to be compiled before its first step.
 pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
     let Some(entry) = registry::by_id(&job.technique) else { return Vec::new() };
     let is_split = is_split(job.aov);
@@ -62,7 +62,7 @@ pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
         .collect()
 }
 
-/// Whether an output needs direct and indirect light apart.
+/// Whether an output needs direct and indirect light separately.
 fn is_split(aov: Option<Aov>) -> bool {
     matches!(aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance | Aov::Reflection))
 }
@@ -86,7 +86,7 @@ impl RunningJob {
             waits_for_kernels: true,
             surfel: job.surfel,
         };
-        // A job starts from nothing, so that it gives the same bytes whatever was rendered before it.
+        // A job has a cache of its own, so that it gives the same bytes whatever was rendered before it.
         let technique = (entry.create)(gpu, &scene, &lights, &SessionState::default(), options)?;
         if technique.surfel_cache().is_none() {
             let lacking = match job.aov {
@@ -104,7 +104,7 @@ impl RunningJob {
         if job.aov.is_none() {
             progressive.set_audit(Audit::new(gpu, audited, job.size, job.seed)?);
         }
-        // What cannot be audited does not stop at an error.
+        // An output without an audit does not stop at an error.
         let rules = StopRules { max_error: job.stop.max_error.filter(|_| progressive.has_audit()), ..job.stop };
         Ok(Self {
             view: FrameView { camera: job.camera, size: job.size, exposure: job.exposure },
@@ -119,7 +119,7 @@ impl RunningJob {
         })
     }
 
-    /// The job, to start it again on a new device.
+    /// The job, to start it over on another device.
     pub(crate) fn job(&self) -> &RenderJob {
         &self.job
     }
@@ -251,7 +251,7 @@ impl RunningJob {
     }
 }
 
-/// The first-surface output behind an AOV, where there is one.
+/// The first-surface output of an AOV, for those that are one.
 pub(crate) fn surface_output(aov: Option<Aov>) -> Option<FirstSurfaceOutput> {
     match aov? {
         Aov::Albedo => Some(FirstSurfaceOutput::Albedo),

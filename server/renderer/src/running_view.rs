@@ -1,4 +1,4 @@
-//! An interactive view at work: drives a technique as `refinement.rs` decides, and hands its frames over.
+//! An interactive view: drives a technique as `refinement.rs` decides, and puts its frames into the slot.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,7 +42,7 @@ pub(crate) struct RunningView {
     pub(crate) used_secs: f64,
     refinement: Refinement,
     image: Option<Image>,
-    /// Outlives the images.
+    /// Estimate of the device's throughput, kept from image to image.
     throughput: Throughput,
     secs_since_frame: f64,
     passes: Vec<PassTime>,
@@ -77,7 +77,7 @@ impl RunningView {
         }
     }
 
-    /// The device is gone, and what was on it.
+    /// Drops what was on the lost device.
     pub(crate) fn forget_device(&mut self) {
         self.image = None;
         self.refinement.discard();
@@ -152,7 +152,7 @@ impl RunningView {
         Ok(true)
     }
 
-    /// Makes the technique, where its size or kind changed.
+    /// Creates the technique where its size or kind changed.
     fn prepare(&mut self, on: SceneOnDevice<'_>, session: &SessionState) -> Result<(), RendererError> {
         let size = self.refinement.render_size();
         let current = self.refinement.current();
@@ -165,7 +165,7 @@ impl RunningView {
         if self.image.as_ref().is_some_and(fits) {
             return Ok(());
         }
-        // The old image's buffers are freed first, so that the new one fits into their place; all but what it starts from.
+        // The buffers of the old image are freed before those of the new one are allocated, except what it starts from.
         let earlier = self.image.take().and_then(|mut image| image.progressive.technique_mut().leave_frame());
         let entry = registry::by_id(&current.technique)
             .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", current.technique)))?;
@@ -175,8 +175,8 @@ impl RunningView {
             materials: MaterialMode::Pbr,
             is_split: false,
             seed: SEED,
-            // Where kernels compile when they run, the general variant would only add its own time, and the change to the
-            // fitting one would interrupt the image a second time.
+            // Where kernels compile when they run, the general variant would only add its own time, and the change to
+            // the fitting one would interrupt the image a second time.
             waits_for_kernels: on.gpu.compiles_when_run(),
             surfel: SurfelSettings::default(),
         };
@@ -192,7 +192,7 @@ impl RunningView {
         Ok(())
     }
 
-    /// Takes samples, where the current image lacks some.
+    /// Takes samples where the current image lacks some.
     fn trace(&mut self, on: SceneOnDevice<'_>) -> Result<(), RendererError> {
         let Some(image) = &mut self.image else { return Ok(()) };
         let Image { progressive, size, .. } = image;
@@ -239,7 +239,8 @@ impl RunningView {
         Ok(())
     }
 
-    /// Moves the image's cost to the view, whose frames state that of several images.
+    /// Moves the cost of the image to the view: a frame states the cost since the previous one, also of images given
+    /// up.
     fn collect_cost(&mut self) {
         if let Some(image) = &mut self.image {
             let cost = std::mem::take(image.progressive.cost_mut());
@@ -248,7 +249,7 @@ impl RunningView {
         }
     }
 
-    /// Tone-maps the image and hands it over.
+    /// Tone-maps the image and puts it into the slot.
     fn show(&mut self, on: SceneOnDevice<'_>, scene_rev: u32) -> Result<(), RendererError> {
         let SceneOnDevice { gpu, scene, lights } = on;
         let Some(Image { progressive, size, .. }) = &self.image else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Scenes in device memory: admitted before upload, shared by content hash, dropped when memory is needed.
+//! Scenes in device memory: admitted before upload, shared by content hash, evicted when memory is needed.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ struct Resident {
 }
 
 impl SceneStore {
-    /// The scene's buffers, uploaded if need be. Scenes that nobody uses make room, the longest unused first.
+    /// The scene's buffers, uploaded if necessary. Unused scenes are evicted to make room, least recently used first.
     pub(crate) fn get(&mut self, gpu: &Gpu, scene: &Scene) -> Result<Arc<SceneBuffers>, RendererError> {
         if let Some(resident) = self.scenes.get_mut(&scene.key()) {
             resident.used_at = Instant::now();
@@ -35,7 +35,7 @@ impl SceneStore {
         Ok(buffers)
     }
 
-    /// Makes sure that a scene fits, or says why it cannot.
+    /// Makes room for a scene, or returns why it does not fit.
     pub(crate) fn admit(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), RendererError> {
         if self.scenes.contains_key(&scene.key()) {
             return Ok(());
@@ -56,7 +56,7 @@ impl SceneStore {
         Ok(())
     }
 
-    /// Forgets everything: the device is gone.
+    /// Drops all scenes: the device is lost.
     pub(crate) fn clear(&mut self) {
         self.scenes.clear();
     }

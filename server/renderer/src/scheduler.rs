@@ -1,7 +1,7 @@
 //! Who works next on the device, and which jobs are admitted.
 //!
-//! Views in a gesture come first. Views at rest and jobs share what is left: the next step goes to the one that has used the
-//! least device time. No device in it: the actor measures the times and carries the steps out.
+//! Views in a gesture come first. Views at rest and jobs share what is left: the next step goes to the one that has
+//! used the least device time. No device in it: the actor measures the times and carries the steps out.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -61,8 +61,8 @@ pub(crate) fn next_worker(views: &[ViewLoad], jobs: &[JobLoad]) -> Option<Worker
     }
 }
 
-/// Device time at which a new view or job starts: the least that anyone has used, so that it neither waits until the others
-/// have used as much more, nor takes the device until it has caught up.
+/// Device time at which a new view or job starts: the least that anyone has used, so that it neither waits until the
+/// others have used as much more, nor takes the device until it has caught up.
 pub(crate) fn least_used(used_secs: impl Iterator<Item = f64>) -> f64 {
     used_secs.reduce(f64::min).unwrap_or(0.0)
 }

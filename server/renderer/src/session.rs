@@ -18,14 +18,14 @@ pub(crate) struct Session {
     pub(crate) lights: LightState,
     /// Revision of what the session shows, returned in frames.
     pub(crate) scene_rev: u32,
-    /// Scene and light table on the device; made when first needed.
+    /// Scene and light table on the device; uploaded when first used.
     on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
     /// What its views share.
     pub(crate) shared: SessionState,
 }
 
 impl Session {
-    /// A session of a scene, with the surfels saved of it in `snapshots`.
+    /// A session of a scene, with the surfels that an earlier one saved in `snapshots`.
     pub(crate) fn new(scene: Arc<Scene>, snapshots: Option<&Path>) -> Self {
         let lights = LightState::of_scene(&scene);
         let shared = SessionState::default();
@@ -61,7 +61,7 @@ impl Session {
         }
     }
 
-    /// Scene and lights on the device, uploaded if need be, and what the session's views share.
+    /// Scene and lights on the device, uploaded if necessary, and what the session's views share.
     pub(crate) fn on_device<'a>(
         &'a mut self,
         gpu: &'a Gpu,
@@ -78,13 +78,13 @@ impl Session {
         Ok((SceneOnDevice { gpu, scene, lights }, &self.shared))
     }
 
-    /// The device is gone, and what was on it.
+    /// Drops what was on the lost device.
     pub(crate) fn forget_device(&mut self) {
         self.on_device = None;
         self.shared = SessionState::default();
     }
 
-    /// Keeps the session's surfels for the next time its scene is opened.
+    /// Saves the session's surfels for the next session of its scene.
     pub(crate) fn save(&self, gpu: &Gpu, snapshots: &Path) {
         snapshots::save(snapshots, gpu, &self.scene, &self.lights, &self.shared);
     }

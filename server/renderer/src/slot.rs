@@ -1,4 +1,4 @@
-//! A slot of one: the newest frame wins, an unread older one is dropped.
+//! A slot that holds one frame: a new frame replaces an unread older one.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use tokio::sync::Notify;
 
 use crate::view::Frame;
 
-/// Newest-wins mailbox between the render actor and one connection. Clones share the slot.
+/// Passes the newest frame from the render actor to one connection. Clones share the slot.
 #[derive(Clone, Debug, Default)]
 pub struct FrameSlot {
     inner: Arc<Inner>,
@@ -27,8 +27,9 @@ struct State {
 }
 
 impl FrameSlot {
-    /// The reader states that it could send a frame now. The actor renders for a view only while one is wanted, so a
-    /// slow client costs nothing. Cleared by [`FrameSlot::put`]. Wake the actor with [`crate::RendererHandle::wake`].
+    /// Marks a frame as wanted: the reader could send one now. The actor renders moving frames of a view only while one
+    /// is wanted, so a slow client costs no rendering. Cleared by [`FrameSlot::put`]. Wake the actor with
+    /// [`crate::RendererHandle::wake`].
     pub fn want(&self) {
         self.inner.state.lock().is_wanted = true;
     }
@@ -38,7 +39,7 @@ impl FrameSlot {
         self.inner.state.lock().is_wanted
     }
 
-    /// Puts a frame, replacing an unread one.
+    /// Stores a frame in place of an unread one.
     pub fn put(&self, frame: Arc<Frame>) {
         let mut state = self.inner.state.lock();
         state.frame = Some(frame);
@@ -53,7 +54,7 @@ impl FrameSlot {
         self.inner.ready.notify_one();
     }
 
-    /// Waits for a frame; `None` when the view is gone. One reader at a time; cancel-safe.
+    /// Waits for a frame; `None` when the view is closed. One reader at a time; cancel-safe.
     pub async fn take(&self) -> Option<Arc<Frame>> {
         loop {
             let notified = self.inner.ready.notified();

@@ -65,8 +65,8 @@ impl StopPolicy {
         self.bounds.push((samples, bound));
     }
 
-    /// The first rule that ends the job. At least one sample of each pixel is taken whatever the rules say: there is no image
-    /// before.
+    /// The first rule that ends the job. At least one sample of each pixel is taken whatever the rules say: there is no
+    /// image before.
     pub(crate) fn reason(&self, samples: u32, elapsed: Duration, is_canceled: bool) -> Option<StopReason> {
         if samples == 0 {
             None

@@ -9,7 +9,7 @@ use crate::job::{JobProgress, RenderJob, RenderOutput};
 use crate::running_job::{JobState, RunningJob, kernels_of};
 use crate::scenes::SceneStore;
 
-/// A job and who waits for it.
+/// A job with the channels to its caller.
 pub(crate) struct SubmittedJob {
     work: Work,
     progress: watch::Sender<JobProgress>,
@@ -18,7 +18,7 @@ pub(crate) struct SubmittedJob {
 }
 
 enum Work {
-    /// Nothing is on the device yet.
+    /// Nothing of it is on the device.
     Waiting(Box<RenderJob>),
     Running(Box<RunningJob>),
 }
@@ -33,7 +33,7 @@ impl SubmittedJob {
         Self { work: Work::Waiting(job), progress, cancel, reply }
     }
 
-    /// Whether nobody waits for the answer any more.
+    /// Whether the caller no longer waits for the answer.
     pub(crate) fn is_abandoned(&self) -> bool {
         self.reply.is_closed()
     }
@@ -48,7 +48,7 @@ impl SubmittedJob {
         }
     }
 
-    /// Starts to compile what the job will run, so that frames of views need not wait for it.
+    /// Starts to compile the job's kernels in the background, so that views need not wait for them.
     pub(crate) fn prepare(&self, gpu: &Gpu) {
         if let Work::Waiting(job) = &self.work {
             for (name, features) in kernels_of(job) {
@@ -80,16 +80,16 @@ impl SubmittedJob {
         }
     }
 
-    /// Forgets what is done: the device is gone. A job is deterministic, so starting over costs time and nothing else.
+    /// Starts over after the device was lost. A job is deterministic, so this costs time and nothing else.
     pub(crate) fn start_over(&mut self) {
         if let Work::Running(running) = &self.work {
             self.work = Work::Waiting(Box::new(running.job().clone()));
         }
     }
 
-    /// Answers.
+    /// Sends the answer.
     pub(crate) fn answer(self, result: Result<RenderOutput, RendererError>) {
-        // Nobody may be waiting any more.
+        // The caller may no longer wait.
         let _ = self.reply.send(result);
     }
 }

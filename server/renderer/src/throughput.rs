@@ -24,8 +24,8 @@ impl Default for Throughput {
 }
 
 impl Throughput {
-    /// Blends in a measured step. The estimate never falls below half of the newest rate, so that it rises quickly from its
-    /// first value.
+    /// Blends in a measured step. The estimate never falls below half of the newest rate, so that it rises quickly from
+    /// its first value.
     pub fn measure(&mut self, paths: u64, elapsed: Duration) {
         if paths == 0 {
             return;

@@ -7,39 +7,39 @@ use surfelcast_scene::Camera;
 
 use crate::job::{Aov, ErrorEstimate, PassTime, SkippedPass};
 
-/// What a view shows. Newest wins: the actor keeps the latest value only.
+/// Settings of a view. The actor keeps only the newest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewState {
     /// Camera, world space.
     pub camera: Camera,
-    /// Full size in pixels; at least 1, limits are the service's matter.
+    /// Full size in pixels, at least 1. The service sets further limits.
     pub size: [u32; 2],
     /// Linear exposure.
     pub exposure: f32,
     /// Technique id, one of [`crate::RendererStatus::techniques`].
     pub technique: String,
-    /// Shown instead of radiance: an output of [`crate::Aov`] that views can show, for looking into the renderer.
+    /// Shown instead of radiance: an output of [`crate::Aov`] that views can show, for inspecting the renderer.
     pub aov: Option<Aov>,
-    /// A gesture is under way: render fast and coarse.
+    /// A gesture is in progress: render fast and coarse.
     pub is_moving: bool,
     /// Nothing is rendered while true.
     pub is_paused: bool,
     /// Largest resolution factor while moving, in (0, 1]; lowered by rate control.
     pub max_scale: f32,
-    /// Time aimed at for a frame while moving, seconds.
+    /// Target time of a frame while moving, seconds.
     pub target_frame_secs: f32,
     /// Refinement ends at this tone-mapped RMSE.
     pub max_error: f32,
-    /// Refinement ends at this many samples a pixel.
+    /// Refinement ends at this number of samples a pixel.
     pub max_samples: u32,
     /// Last client input contained in this state.
     pub input_seq: u32,
 }
 
-/// What stage of refinement a frame shows.
+/// Stage of refinement of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameKind {
-    /// During a gesture; maybe at reduced size.
+    /// During a gesture; possibly at reduced size.
     Moving,
     /// At rest, still refining; full size.
     Still,
@@ -47,7 +47,7 @@ pub enum FrameKind {
     Final,
 }
 
-/// One rendered picture, ready for an encoder.
+/// One rendered image, ready for an encoder.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// RGBA8, sRGB-encoded after exposure and tone map, first row on top; alpha is 255. `size[0] * size[1] * 4` bytes.
@@ -64,9 +64,9 @@ pub struct Frame {
     pub scene_rev: u32,
     /// Accumulated samples a pixel.
     pub samples: u32,
-    /// Audited error of this picture, once there is one.
+    /// Audited error of this image, once it was audited.
     pub error: Option<ErrorEstimate>,
-    /// Wall seconds the actor spent on it since the frame before.
+    /// Wall seconds of rendering since the previous frame.
     pub render_secs: f32,
     /// When it was finished.
     pub finished_at: Instant,

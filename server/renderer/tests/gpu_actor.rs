@@ -1,4 +1,4 @@
-//! The actor on a real device (software rendering will do): jobs, views, lights, limits, loss of the device.
+//! The actor on a real device (software rendering suffices): jobs, views, lights, limits, loss of the device.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::sync::Arc;
@@ -84,7 +84,7 @@ async fn ready(config: RendererConfig) -> Running {
     renderer
 }
 
-/// Asks for frames until one fits.
+/// Requests frames until one fits.
 async fn frame_where(renderer: &RendererHandle, slot: &FrameSlot, fits: impl Fn(&Frame) -> bool) -> Arc<Frame> {
     tokio::time::timeout(PATIENCE, async {
         loop {
@@ -128,7 +128,7 @@ async fn a_job_stops_at_the_error_it_was_given() {
     assert_eq!(output.stopped_by, "max_error");
     let error = output.error.unwrap();
     assert!(error.rmse_tonemapped <= 0.02, "{error:?}");
-    // Measured against a picture with far less noise.
+    // Measured against an image with far less noise.
     let truth = renderer.render(RenderJob { seed: 99, ..job(&scene, 2048) }).unwrap().result.await.unwrap().unwrap();
     let tone = |c: &[f32; 3]| c.map(|v| f64::from(v) / (1.0 + f64::from(c[0].max(c[1]).max(c[2]))));
     let squares: f64 = output
@@ -142,9 +142,9 @@ async fn a_job_stops_at_the_error_it_was_given() {
     renderer.stop().await;
 }
 
-/// What a view says of its last picture is about that one, not about the last that was due for an audit.
+/// The error stated with a view's final frame is that of this frame, not that of the last scheduled audit.
 #[tokio::test]
-async fn a_settled_view_states_the_error_of_what_it_shows() {
+async fn a_converged_view_states_the_error_of_what_it_shows() {
     let renderer = ready(RendererConfig::default()).await;
     let scene = cornell_box();
     let state = ViewState { max_samples: 31, ..view_state(&scene) };
@@ -154,8 +154,8 @@ async fn a_settled_view_states_the_error_of_what_it_shows() {
     let session = renderer.open_session(Arc::clone(&scene)).await.unwrap();
     let slot = FrameSlot::default();
     renderer.open_view(session, state, slot.clone()).await.unwrap();
-    let settled = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final).await;
-    let (stated, expected) = (settled.error.unwrap(), output.error.unwrap());
+    let last = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final).await;
+    let (stated, expected) = (last.error.unwrap(), output.error.unwrap());
     assert!((stated.rmse_tonemapped / expected.rmse_tonemapped - 1.0).abs() < 0.01, "{stated:?} {expected:?}");
     renderer.stop().await;
 }
@@ -242,7 +242,7 @@ async fn a_moving_camera_is_answered_and_light_edits_show() {
     let black = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final && frame.scene_rev == 2).await;
     assert!(brightness(&black) < 0.5, "{}", brightness(&black));
 
-    // Exposure is not light: the same samples are shown again.
+    // Exposure only affects display: the same samples are shown again.
     renderer.edit_scene(session, SceneEdit::Lights(LightState::of_scene(&scene)), 3).await.unwrap();
     let again = frame_where(&renderer, &slot, |frame| frame.kind == FrameKind::Final && frame.scene_rev == 3).await;
     let exposed = ViewState { is_moving: false, input_seq: 7, exposure: 4.0, ..moved };
@@ -302,7 +302,7 @@ async fn a_lost_device_comes_back_with_sessions_and_jobs() {
     assert_eq!(output.samples, 64);
     assert_eq!(output.pixels, undisturbed.pixels, "the job started over");
 
-    // Three losses in five minutes: given up, and everyone is told.
+    // Three losses in five minutes: the device is given up, views are closed and jobs fail.
     renderer.lose_device().await.unwrap();
     tokio::time::timeout(PATIENCE, status.wait_for(|s| s.epoch == 2)).await.unwrap().unwrap();
     let mut endless = renderer.render(job(&scene, 1 << 20)).unwrap();

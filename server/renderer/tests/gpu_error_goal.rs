@@ -1,4 +1,5 @@
-//! Jobs that stop at an error: how far from it they end, over many seeds, on a real device (software rendering will do).
+//! Jobs that stop at an error: how far from it they end, over many seeds, on a real device (software rendering
+//! suffices).
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
@@ -44,7 +45,7 @@ fn tone_mapped(output: &RenderOutput) -> Vec<[f64; 3]> {
     output.pixels.iter().map(compress).collect()
 }
 
-/// RMSE against the truth, of which two pictures with independent noise are known: it cancels in the product.
+/// RMSE against the truth, of which two images with independent noise are known: the noise cancels in the product.
 fn rmse(output: &RenderOutput, truths: &[Vec<[f64; 3]>; 2]) -> f64 {
     let products = tone_mapped(output)
         .into_iter()
@@ -53,7 +54,7 @@ fn rmse(output: &RenderOutput, truths: &[Vec<[f64; 3]>; 2]) -> f64 {
     (products.sum::<f64>() / (3.0 * output.pixels.len() as f64)).max(0.0).sqrt()
 }
 
-/// Renders so many jobs, each with a seed of its own.
+/// Renders jobs with different seeds.
 async fn check(technique: &str, jobs: u64) -> Ends {
     let (renderer, thread) = start(RendererConfig::default()).unwrap();
     let mut status = renderer.status();
@@ -122,6 +123,6 @@ async fn path_traced_jobs_end_at_their_error() {
 #[tokio::test]
 async fn surfel_jobs_end_at_their_error() {
     let ends = check("surfel", 20).await;
-    // Most are better than that when they are first looked at.
+    // Most are below it at their first audit.
     assert!(ends.median_samples <= 32, "{} samples", ends.median_samples);
 }
