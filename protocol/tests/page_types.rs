@@ -19,7 +19,7 @@ const HEAD: &str = "/**
 ";
 
 /// Keywords that the page's check uses.
-const CHECKED: [&str; 10] = [
+const CHECKED: [&str; 11] = [
     "$ref",
     "additionalProperties",
     "anyOf",
@@ -27,6 +27,7 @@ const CHECKED: [&str; 10] = [
     "items",
     "maxItems",
     "minItems",
+    "oneOf",
     "properties",
     "required",
     "type",
@@ -64,25 +65,30 @@ fn checked(schema: &Value) -> Value {
     if names_of(schema).is_some() {
         return Value::Object(Map::from_iter([("type".to_owned(), "string".into())]));
     }
-    let Value::Object(_) = schema else { return schema.clone() };
+    // `true` accepts everything, as an empty schema does.
+    let Value::Object(_) = schema else { return Value::Object(Map::new()) };
     let keywords = sorted(schema).into_iter().filter(|(keyword, _)| CHECKED.contains(keyword));
     let entry = |(keyword, value): (&str, &Value)| {
         let value = match (keyword, value) {
             ("properties", _) => {
                 sorted(value).into_iter().map(|(name, field)| (name.to_owned(), checked(field))).collect()
             }
-            ("anyOf", Value::Array(list)) => list.iter().map(checked).collect(),
+            ("anyOf" | "oneOf", Value::Array(list)) => list.iter().map(checked).collect(),
             ("items" | "additionalProperties", _) => checked(value),
             _ => value.clone(),
         };
-        (keyword.to_owned(), value)
+        // It does not matter to the page whether a second alternative fits as well.
+        (keyword.replace("oneOf", "anyOf"), value)
     };
     keywords.map(entry).collect()
 }
 
 /// The TypeScript type of a schema.
 fn type_of(schema: &Value) -> String {
-    let union = |parts: Vec<String>| parts.join(" | ");
+    let union = |mut parts: Vec<String>| {
+        parts.dedup();
+        parts.join(" | ")
+    };
     if let Some(names) = names_of(schema) {
         return union(names.iter().map(|name| format!("'{name}'")).collect());
     }
@@ -95,7 +101,7 @@ fn type_of(schema: &Value) -> String {
     let named = |name: &str| match name {
         "integer" => "number".to_owned(),
         "array" => array_type_of(schema),
-        "object" if schema["properties"].is_object() => format!("{{ {} }}", fields_of(schema).replace('\n', " ")),
+        "object" if schema["properties"].is_object() => format!("{{ {} }}", fields_of(schema, "").replace('\n', " ")),
         "object" => format!("Record<string, {}>", type_of(&schema["additionalProperties"])),
         other => other.to_owned(),
     };
@@ -126,30 +132,47 @@ fn comment(schema: &Value, indent: &str) -> String {
     }
 }
 
-/// The fields of an object, one a line, each with its documentation.
-fn fields_of(schema: &Value) -> String {
+/// The fields of an object, one a line, each with its documentation; a tag comes first.
+fn fields_of(schema: &Value, indent: &str) -> String {
     let required: Vec<&str> = schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let mut fields: Vec<(&str, &Value)> = sorted(&schema["properties"]).into_iter().collect();
+    fields.sort_by_key(|(_, field)| field["const"].is_null());
     let mut text = String::new();
-    for (name, field) in sorted(&schema["properties"]) {
+    for (name, field) in fields {
         let mark = if required.contains(&name) { "" } else { "?" };
-        let _ = writeln!(text, "{}  {name}{mark}: {};", comment(field, "  "), type_of(field));
+        let _ = writeln!(text, "{}{indent}{name}{mark}: {};", comment(field, indent), type_of(field));
     }
     text
 }
 
-/// A message: for each variant its tag, with fields of its own or those of a definition.
-fn message_type(name: &str, schema: &Value, common: &str) -> String {
-    let mut text = format!("{}export type {name} = {common}(\n", comment(schema, ""));
-    for variant in variants(schema) {
-        let tag = type_of(&variant["properties"]["t"]);
-        let fields = fields_of(variant).replace(&format!("  t: {tag};\n"), "").replace("\n  ", "\n    ");
-        let rest = match variant["$ref"].as_str() {
-            Some(reference) => format!("({{ t: {tag} }} & {})", name_of(reference)),
-            None => format!("{{\n    t: {tag};\n  {fields}  }}"),
-        };
-        let _ = writeln!(text, "{}  | {rest}", comment(variant, "  "));
+/// One of the tagged variants of a type: its fields, and those of a definition.
+fn variant_type(variant: &Value) -> String {
+    let fields = fields_of(variant, "    ");
+    let own = match fields.lines().count() {
+        1 => format!("{{ {} }}", fields.trim().trim_end_matches(';')),
+        _ => format!("{{\n{fields}  }}"),
+    };
+    match variant["$ref"].as_str() {
+        Some(reference) => format!("({own} & {})", name_of(reference)),
+        None => own,
     }
-    text + ");\n"
+}
+
+/// A declaration with its documentation.
+fn declaration(name: &str, schema: &Value) -> String {
+    let fields = schema["properties"].is_object().then(|| format!("{{\n{}}}", fields_of(schema, "  ")));
+    let has_variants = names_of(schema).is_none() && schema["oneOf"].is_array();
+    let mut union = String::new();
+    for variant in variants(schema).filter(|_| has_variants) {
+        let _ = write!(union, "\n{}  | {}", comment(variant, "  "), variant_type(variant));
+    }
+    let text = match fields {
+        Some(fields) if has_variants => format!("type {name} = {fields} & ({union}\n);"),
+        Some(fields) => format!("interface {name} {fields}"),
+        None if has_variants => format!("type {name} ={union};"),
+        None => format!("type {name} = {};", type_of(schema)),
+    };
+    format!("\n{}export {text}\n", comment(schema, ""))
 }
 
 /// The file of types.
@@ -158,20 +181,10 @@ fn types() -> String {
     let (server, client) = (schema_of::<ServerMessage>(settings()), schema_of::<ClientEnvelope>(settings()));
     let mut definitions = sorted(&server["$defs"]);
     definitions.extend(sorted(&client["$defs"]));
-    let mut text = format!("{HEAD}\nexport type Vec3 = [number, number, number];\n");
-    for (name, schema) in definitions {
-        let declaration = if schema["properties"].is_object() {
-            format!("export interface {name} {{\n{}}}\n", fields_of(schema))
-        } else {
-            format!("export type {name} = {};\n", type_of(schema))
-        };
-        let _ = write!(text, "\n{}{declaration}", comment(schema, ""));
-    }
-    let envelope = format!("{{\n{}}} & ", fields_of(&client));
-    text + "\n"
-        + &message_type("ServerMessage", &server, "")
-        + "\n"
-        + &message_type("ClientMessage", &client, &envelope)
+    definitions.insert("ServerMessage", &server);
+    definitions.insert("ClientMessage", &client);
+    let declarations: String = definitions.into_iter().map(|(name, schema)| declaration(name, schema)).collect();
+    format!("{HEAD}\nexport type Vec3 = [number, number, number];\n{declarations}")
 }
 
 /// The module of schemas.
