@@ -84,7 +84,7 @@ fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {
     for (file, text) in files {
         let Some(stem) = file.strip_suffix(".wesl") else { continue };
         let path = stem.replace('/', "::");
-        if file.starts_with("techniques/") && is_kernel(&text) {
+        if is_kernel(&file) {
             let name = stem.rsplit('/').next().unwrap_or(stem).to_owned();
             kernels.push(KernelInfo { name, file: file.clone(), path: path.clone() });
         }
@@ -94,12 +94,9 @@ fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {
     Catalogue { modules, kernels }
 }
 
-/// A file is a kernel when it has an entry point outside comments.
-fn is_kernel(text: &str) -> bool {
-    text.lines().any(|line| {
-        let code = line.split("//").next().unwrap_or("");
-        code.contains("@compute") || code.contains("@vertex")
-    })
+/// Kernels are in the folder `kernels` of a technique; whatever they import is beside it.
+fn is_kernel(file: &str) -> bool {
+    file.strip_prefix("techniques/").and_then(|file| file.split('/').nth(1)) == Some("kernels")
 }
 
 /// All kernels, sorted by name.
@@ -121,18 +118,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_with_an_entry_point_under_techniques_are_kernels() {
+    fn files_in_a_folder_of_kernels_under_techniques_are_kernels() {
         let files = [
             ("lib/core/rng.wesl", "fn next() {}"),
-            ("lib/core/trap.wesl", "@compute fn no() {}"),
-            ("techniques/path/path_trace.wesl", "// the kernel\n@compute @workgroup_size(64) fn path_trace() {}"),
-            ("techniques/path/helper.wesl", "// mentions @compute only here\nfn helper() {}"),
-            ("techniques/path/README.md", "@compute"),
+            ("lib/kernels/trap.wesl", "@compute fn no() {}"),
+            ("techniques/path/kernels/path_trace.wesl", "@compute @workgroup_size(64) fn path_trace() {}"),
+            ("techniques/path/kernels/more/path_more.wesl", "@compute @workgroup_size(64) fn path_more() {}"),
+            ("techniques/path/helper.wesl", "fn helper() {}"),
+            ("techniques/path/kernels/README.md", "@compute"),
         ];
         let built = build(files.into_iter().map(|(file, text)| (file.to_owned(), text.to_owned())));
-        assert_eq!(built.kernels.len(), 1);
-        assert_eq!(built.kernels[0].name, "path_trace");
-        assert_eq!(built.kernels[0].path, "techniques::path::path_trace");
-        assert_eq!(built.modules.len(), 4);
+        let names: Vec<&str> = built.kernels.iter().map(|kernel| kernel.name.as_str()).collect();
+        assert_eq!(names, ["path_more", "path_trace"]);
+        assert_eq!(built.kernels[1].path, "techniques::path::kernels::path_trace");
+        assert_eq!(built.modules.len(), 5);
     }
 }

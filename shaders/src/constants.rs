@@ -93,11 +93,11 @@ shader_constants! {
     IMAGE_UNSCREENED: u32 = 4;
     /// Most frames of direct light that a moving view reuses.
     REUSED_FRAMES: u32 = 16;
-    /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits of `REUSE_TURN_MASK`
+    /// In the selector of a shading pass: diffuse direct light is kept for later frames. The bits of `REUSE_MOVES_MASK`
     /// count the camera moves since the last lighting change.
     KEEPS_DIFFUSE_LIGHT: u32 = 0x8000_0000;
     /// See `KEEPS_DIFFUSE_LIGHT`.
-    REUSE_TURN_MASK: u32 = 0xffff;
+    REUSE_MOVES_MASK: u32 = 0xffff;
     /// In the selector of a reuse pass: there is an earlier frame.
     HAS_EARLIER_FRAME: u32 = 1;
 }

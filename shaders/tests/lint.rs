@@ -85,6 +85,17 @@ fn techniques_do_not_import_each_other() {
     assert_eq!(offences, [""; 0]);
 }
 
+/// Files with entry points and files to import are told apart by folder.
+#[test]
+fn entry_points_are_in_kernel_files_and_nothing_imports_those() {
+    for module in modules() {
+        let is_kernel = kernels().iter().any(|kernel| kernel.file == module.file);
+        let has_entry = code(module).any(|(_, line)| line.contains("@compute") || line.contains("@vertex"));
+        assert_eq!(is_kernel, has_entry, "{}: entry points belong in techniques/<id>/kernels", module.file);
+    }
+    assert_eq!(offences(|_, line| line.contains("import package::") && line.contains("::kernels::")), [""; 0]);
+}
+
 #[test]
 fn paths_stay_distinct_when_mangled() {
     let mut by_mangled: BTreeMap<String, &str> = BTreeMap::new();

@@ -125,7 +125,7 @@ fn surfels(scene: &Scene, count: u32, part: u32, parts: u32) -> Vec<ExportedSurf
 
 /// Milliseconds of the passes that bring surfels to pixels.
 fn apply_ms(passes: &[PassTime]) -> f64 {
-    passes.iter().filter(|pass| pass.name != "surfel_visibility").map(|pass| pass.gpu_ms).sum()
+    passes.iter().filter(|pass| pass.name != "visibility").map(|pass| pass.gpu_ms).sum()
 }
 
 struct Setup<'a> {

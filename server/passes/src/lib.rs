@@ -1,9 +1,11 @@
-//! Passes that any rendering technique may use: scene upload, light table, frame uniforms, batches of samples, first-surface
-//! outputs, error audit, image-space Poisson solver, tone map. None of them knows a technique.
+//! Passes that any rendering technique may use: scene upload, light table, frame uniforms, visibility, batches of samples,
+//! direct light with reuse and filter, settling, first-surface outputs, error audit, image-space Poisson solver, tone map.
+//! None of them knows a technique.
 
 pub mod audit;
 pub mod batches;
 pub mod counters;
+pub mod direct_light;
 pub mod features;
 pub mod first_surface;
 pub mod frame;
@@ -13,9 +15,11 @@ pub mod materials;
 pub mod path_samples;
 pub mod poisson;
 pub mod scan;
+pub mod settling;
 pub mod step;
 pub mod tone_map;
 pub mod upload;
+pub mod visibility;
 
 use surfelcast_gpu::PassTime;
 

@@ -8,7 +8,8 @@ use surfelcast_scene::SceneSummary;
 use surfelcast_shaders::Features;
 
 use crate::session::SessionState;
-use crate::surfel::{EarlierFrame, SurfelCache, SurfelSettings};
+use crate::surfel::{SurfelCache, SurfelSettings};
+use surfelcast_passes::direct_light::EarlierFrame;
 use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::materials::MaterialMode;

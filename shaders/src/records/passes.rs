@@ -61,6 +61,34 @@ crate::gpu_structs! {
         pub padding: u32,
     }
 
+    /// The surface point behind a pixel, 32 bytes.
+    pub struct VisiblePoint {
+        /// Scene space.
+        pub position: [f32; 3],
+        /// Octahedral normal.
+        pub normal: u32,
+        /// 1 where the surface reflects diffusely.
+        pub is_diffuse: u32,
+        /// Unused.
+        pub padding0: u32,
+        /// Unused.
+        pub padding1: u32,
+        /// Unused.
+        pub padding2: u32,
+    }
+
+    /// Direct light of a pixel for the next frame, 32 bytes.
+    pub struct DirectHistory {
+        /// Scene space, of the first sample since the camera moved.
+        pub position: [f32; 3],
+        /// Octahedral normal.
+        pub normal: u32,
+        /// Half floats: irradiance over pi of direct light (rgb), number of frames.
+        pub light: [u32; 2],
+        /// Half floats: the part of it that is reused from before the camera moved (rgb), its number of frames.
+        pub reused: [u32; 2],
+    }
+
     /// Uniforms of the settling passes, which blend the image from the cache with the path-traced one, 32 bytes.
     pub struct SettleUniforms {
         /// Pixels in a row.

@@ -119,34 +119,6 @@ crate::gpu_structs! {
         pub padding: u32,
     }
 
-    /// A visible point, as the cache reads it, 32 bytes.
-    pub struct VisiblePoint {
-        /// Scene space.
-        pub position: [f32; 3],
-        /// Octahedral normal.
-        pub normal: u32,
-        /// Target radius of surfels there, or 0.
-        pub radius: f32,
-        /// Unused.
-        pub padding0: u32,
-        /// Unused.
-        pub padding1: u32,
-        /// Unused.
-        pub padding2: u32,
-    }
-
-    /// Direct light of a pixel for the next frame, 32 bytes.
-    pub struct DirectHistory {
-        /// Scene space, of the first sample since the camera moved.
-        pub position: [f32; 3],
-        /// Octahedral normal.
-        pub normal: u32,
-        /// Half floats: irradiance over pi of direct light (rgb), number of frames.
-        pub light: [u32; 2],
-        /// Half floats: the part of it that is reused from before the camera moved (rgb), its number of frames.
-        pub reused: [u32; 2],
-    }
-
     /// Contribution of one surfel to a point, 64 bytes.
     pub struct SurfelContribution {
         /// Scene space.

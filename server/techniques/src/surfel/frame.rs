@@ -12,7 +12,7 @@ use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::step::{Step, StepBudget};
 use surfelcast_passes::upload::SceneBuffers;
-use surfelcast_passes::{counters, merge_passes, workgroups_of};
+use surfelcast_passes::{counters, merge_passes, visibility, workgroups_of};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::FrameUniforms;
 
@@ -20,8 +20,8 @@ use crate::surfel::cache::{CacheCamera, SpawnRequest, SurfelCache, Work, count_r
 use crate::surfel::view::{Gathered, SurfelView, UpdateChoice};
 use crate::technique::{Technique as _, TechniqueError};
 
-/// Pixels whose camera rays are traced in one submission.
-const VISIBILITY_PIXELS: u32 = 1 << 18;
+/// Cost of the passes over one surfel in a frame, in rays.
+const SURFEL_COST: f64 = 8.0;
 
 /// The stage of a frame that comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -165,23 +165,12 @@ impl SurfelView {
         cache.set_camera(self.camera, camera, view.exposure);
     }
 
-    /// Visibility: what the camera rays of one sample per pixel hit, and whether surfels are needed there. In pieces, so that
-    /// no submission of a large image holds the device for long.
+    /// Visibility: the camera rays of one sample per pixel.
     fn trace_visibility(&self, context: &mut Context<'_>) -> Result<(), TechniqueError> {
-        let Context { work, cache, frame, step, .. } = context;
-        for first in (0..self.pixel_count()).step_by(VISIBILITY_PIXELS as usize) {
-            let pixel_count = VISIBILITY_PIXELS.min(self.pixel_count() - first);
-            let piece = FrameUniforms { first_pixel: first, pixel_count, ..*frame };
-            let mut graph = work.gpu.graph("surfel_visibility");
-            work.bind_scene(graph.pass(work.kernels.get("surfel_visibility")?))
-                .uniform("frame", bytemuck::bytes_of(&piece))
-                .uniform("cache", bytemuck::bytes_of(&cache.uniforms(0)))
-                .bind("visible", &self.visible)
-                .bind("visible_points", &self.points)
-                .dispatch(workgroups_of(pixel_count))?;
-            merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
-        }
-        step.paths += u64::from(self.pixel_count());
+        let Work { gpu, kernels, scene, lights } = context.work;
+        let passes = self.visibility.trace(gpu, kernels.get(visibility::KERNEL)?, scene, lights, &context.frame)?;
+        merge_passes(&mut context.step.passes, passes);
+        context.step.paths += u64::from(self.pixel_count());
         Ok(())
     }
 
@@ -192,8 +181,7 @@ impl SurfelView {
         }
         let request = SpawnRequest {
             frame: bytemuck::bytes_of(&context.frame),
-            visible: &self.visible,
-            points: &self.points,
+            visibility: &self.visibility,
             size: self.options.size,
             pins: self.options.surfel.pins,
             is_coarse: self.budget.is_coarse(),
@@ -230,14 +218,13 @@ impl SurfelView {
         let uniforms = cache.uniforms_for_view(self.budget.is_coarse());
         let mut graph = work.gpu.graph("surfel_shade");
         if let Some(splat) = self.splat.as_ref().filter(|_| first == 0) {
-            splat.record(&mut graph, cache, &uniforms, bytemuck::bytes_of(&frame), &self.points)?;
+            splat.record(&mut graph, cache, &uniforms, bytemuck::bytes_of(&frame), &self.visibility.points)?;
         }
         graph.clear(&self.counters)?;
         let mut pass = cache
-            .bind(work.bind_scene(graph.pass(work.kernels.get("surfel_shade")?)))
+            .bind(work.bind_scene(self.visibility.bind(graph.pass(work.kernels.get("surfel_shade")?))))
             .uniform("cache", bytemuck::bytes_of(&uniforms))
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .bind("visible", &self.visible)
             .bind("accumulation", &self.accumulation)
             .bind("direct_mean", &self.direct)
             .bind("counters", &self.counters)
@@ -250,11 +237,11 @@ impl SurfelView {
         }
         pass.dispatch(workgroups_of(range))?;
         if let Some(image) = &self.image {
-            image.record_gather(&mut graph, work, cache, &uniforms, &frame, [&self.visible, &self.points])?;
+            image.record_gather(&mut graph, work, cache, &uniforms, &frame, &self.visibility)?;
         }
         if is_last {
             let is_shown = self.samples_left == 0;
-            self.light.record(&mut graph, &frame, &self.points, &self.accumulation, is_shown)?;
+            self.light.record(&mut graph, &frame, &self.visibility.points, &self.accumulation, is_shown)?;
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;
@@ -283,9 +270,9 @@ impl SurfelView {
 
     /// Solves for the light of the image, where it is reconstructed there; one submission.
     fn solve(&mut self, context: &mut Context<'_>) -> Result<Progress, TechniqueError> {
-        let image = self.light.picture().unwrap_or(&self.accumulation);
+        let image = self.light.image().unwrap_or(&self.accumulation);
         let irradiance = self.split.as_ref().map(|(irradiance, _)| irradiance);
-        let gathered = Gathered { points: &self.points, image, irradiance };
+        let gathered = Gathered { points: &self.visibility.points, image, irradiance };
         let is_solved = match &mut self.image {
             Some(image) => image.advance(context.work.gpu, &context.frame, &gathered, &mut context.step)?,
             None => true,
@@ -299,16 +286,17 @@ impl SurfelView {
         self.frames += 1;
         self.samples += 1;
         let rays = std::mem::take(&mut self.frame_rays);
-        if let Some(settle) = &mut self.settle {
-            settle.count_cache(rays, cache.counts()[0]);
+        let [live, _] = cache.counts();
+        if let Some(settling) = &mut self.settling {
+            settling.count_frame(rays as f64 + SURFEL_COST * f64::from(live));
         }
     }
 
     /// Path-traced samples per pixel to reach before the next frame of the cache, where the budget goes to them.
     fn paths_due(&mut self, context: &Context<'_>) -> Result<Option<u32>, TechniqueError> {
         let left = context.budget.until_samples.saturating_sub(self.samples());
-        Ok(match &mut self.settle {
-            Some(settle) => settle.due(context.work.gpu, self.frames, left)?,
+        Ok(match &mut self.settling {
+            Some(settling) => settling.due(context.work.gpu, self.frames, left)?,
             None => None,
         })
     }
@@ -316,27 +304,27 @@ impl SurfelView {
     /// Takes path-traced samples up to `goal` per pixel. The image is whole after a batch that counts as samples of it.
     fn trace_paths(&mut self, context: &mut Context<'_>, goal: u32) -> Result<Progress, TechniqueError> {
         let budget = StepBudget { max_paths: context.paths_left(), until_samples: goal, ..context.budget };
-        let Some(settle) = &mut self.settle else {
+        let Some(settling) = &mut self.settling else {
             self.stage = Stage::Start;
             return Ok(Progress::Partial);
         };
         let Work { gpu, scene, lights, .. } = context.work;
-        let traced = settle.trace(gpu, scene, lights, context.view, budget)?;
+        let traced = settling.trace(gpu, scene, lights, context.view, budget)?;
         let is_whole = traced.is_whole;
         context.step.add(traced);
         if !is_whole {
             return Ok(Progress::Partial);
         }
         self.stage = Stage::Start;
-        Ok(if settle.is_turn_of_paths() { Progress::Whole } else { Progress::Partial })
+        Ok(if settling.budget_goes_to_paths() { Progress::Whole } else { Progress::Partial })
     }
 
     /// Combines the cache's image with the path-traced one.
     fn combine(&mut self, context: &mut Context<'_>) -> Result<(), TechniqueError> {
-        let Some(mut settle) = self.settle.take() else { return Ok(()) };
+        let Some(mut settling) = self.settling.take() else { return Ok(()) };
         let (gpu, exposure) = (context.work.gpu, context.view.exposure);
-        let combined = settle.combine(gpu, self.cache_image(), self.frames, exposure, &mut context.step);
-        self.settle = Some(settle);
+        let combined = settling.combine(gpu, self.cache_image(), self.frames, exposure, &mut context.step);
+        self.settling = Some(settling);
         Ok(combined?)
     }
 }

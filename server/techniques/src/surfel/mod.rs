@@ -8,18 +8,15 @@
 //! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
 
 mod cache;
-mod direct;
-mod filter;
 mod frame;
-mod reuse;
 mod settings;
-mod settle;
 mod view;
 
 pub use cache::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity, SurfelCache};
-pub use reuse::EarlierFrame;
 pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
 pub use view::SurfelOutput;
+
+use surfelcast_passes::visibility;
 
 use crate::surfel::view::SurfelView;
 use crate::technique::{Conformance, TechniqueEntry};
@@ -40,7 +37,7 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
 
 /// What every picture runs.
 const KERNELS: &[&str] = &[
-    "surfel_visibility",
+    visibility::KERNEL,
     "surfel_coverage",
     "surfel_trace",
     "surfel_shade",

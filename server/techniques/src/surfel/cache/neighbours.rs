@@ -2,7 +2,7 @@
 //!
 //! Neighbours are joined by edges. Rays reconnected to a neighbour measure the difference along an edge; a local regression
 //! predicts a value from those of the neighbours; the solve weights values and differences by their inverse variances.
-//! Formulas are with the kernels in `shaders/techniques/surfel/graph/`.
+//! Formulas are with the kernels in `shaders/techniques/surfel/kernels/neighbours/`.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind, PassBuilder};
 use surfelcast_passes::kernels::KernelSet;
@@ -15,15 +15,27 @@ use super::work::Work;
 use crate::surfel::settings::Reconstruction;
 
 /// Kernels of every reconstruction over neighbours.
-pub(crate) const KERNELS: &[&str] =
-    &["graph_choose", "graph_join", "graph_checkpoint", "graph_moments", "graph_pool", "graph_statistics"];
+pub(crate) const KERNELS: &[&str] = &[
+    "neighbours_choose",
+    "neighbours_join",
+    "neighbours_checkpoint",
+    "neighbours_moments",
+    "neighbours_pool",
+    "neighbours_statistics",
+];
 /// Kernels that measure differences.
-pub(crate) const DIFFERENCE_KERNELS: &[&str] = &["graph_shift", "graph_learn", "graph_link"];
+pub(crate) const DIFFERENCE_KERNELS: &[&str] = &["neighbours_shift", "neighbours_learn", "neighbours_link"];
 /// Kernels that give surfels new values.
-pub(crate) const VALUE_KERNELS: &[&str] = &["graph_regress", "graph_blend", "graph_output"];
+pub(crate) const VALUE_KERNELS: &[&str] = &["neighbours_regress", "neighbours_blend", "neighbours_output"];
 /// Kernels of the solve for those values.
-pub(crate) const SOLVE_KERNELS: &[&str] =
-    &["graph_scales", "graph_shrink", "graph_residual", "graph_product", "graph_advance", "graph_turn"];
+pub(crate) const SOLVE_KERNELS: &[&str] = &[
+    "neighbours_scales",
+    "neighbours_shrink",
+    "neighbours_residual",
+    "neighbours_product",
+    "neighbours_advance",
+    "neighbours_turn",
+];
 
 /// Slots of edges for each surfel.
 pub(super) const EDGE_SLOTS: u64 = 8;
@@ -153,7 +165,7 @@ impl Neighbours {
         self.shifted.as_ref().map(|shifted| &shifted.first_hits)
     }
 
-    /// Slope of each surfel: by `graph_regress`, or by `image_slopes` where light is reconstructed in the image.
+    /// Slope of each surfel: by `neighbours_regress`, or by `image_slopes` where light is reconstructed in the image.
     pub(super) fn slopes(&self) -> &Buffer {
         &self.gradients
     }
@@ -253,7 +265,7 @@ impl SurfelCache {
             .as_mut()
             .is_some_and(|neighbours| neighbours.built.begin_rebuild_if_due(update, live, next_serial));
         if is_due {
-            for name in ["graph_choose", "graph_join"] {
+            for name in ["neighbours_choose", "neighbours_join"] {
                 self.neighbour_pass(graph, kernels, name, &self.uniforms(0), (0, 1))?.dispatch(workgroups_of(live))?;
             }
         }
@@ -268,7 +280,7 @@ impl SurfelCache {
         frame: &[u8],
         uniforms: &SurfelUniforms,
     ) -> Result<(), GpuError> {
-        let pass = self.neighbour_pass(graph, work.kernels, "graph_shift", uniforms, (0, 1))?;
+        let pass = self.neighbour_pass(graph, work.kernels, "neighbours_shift", uniforms, (0, 1))?;
         work.bind_scene(pass).uniform("frame", frame).dispatch([uniforms.item_count.div_ceil(64), 1, 1])
     }
 
@@ -294,40 +306,40 @@ impl SurfelCache {
         };
         let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| run_as(0, name, pools, groups);
         if measures {
-            run("graph_learn", (0, 1), each)?;
+            run("neighbours_learn", (0, 1), each)?;
         }
-        run("graph_checkpoint", (0, 1), each)?;
-        run("graph_moments", (1, 0), each)?;
+        run("neighbours_checkpoint", (0, 1), each)?;
+        run("neighbours_moments", (1, 0), each)?;
         // Only the solve weights values, by a widely pooled variance. An even number of rings leaves the sums in the first pool.
         for ring in 0..if solves { WIDE_RINGS } else { NEAR_RINGS } {
             let from = ring as usize % 2;
-            run("graph_pool", (from, 1 - from), each)?;
+            run("neighbours_pool", (from, 1 - from), each)?;
             if ring + 1 == NEAR_RINGS {
-                run("graph_statistics", (1 - from, from), each)?;
+                run("neighbours_statistics", (1 - from, from), each)?;
             }
         }
         if self.settings.reconstruction.shows_means() {
-            run("graph_link", (1, 0), each)?;
+            run("neighbours_link", (1, 0), each)?;
             return run("image_slopes", (0, 1), each);
         }
         for pass in 0..REGRESSIONS {
-            run_as(pass, "graph_regress", (0, 1), each)?;
-            run_as(pass, "graph_pool", (1, 0), each)?;
-            run_as(pass, "graph_pool", (0, 1), each)?;
+            run_as(pass, "neighbours_regress", (0, 1), each)?;
+            run_as(pass, "neighbours_pool", (1, 0), each)?;
+            run_as(pass, "neighbours_pool", (0, 1), each)?;
             if solves && pass == 0 {
-                run_as(pass, "graph_scales", (1, 0), summing)?;
+                run_as(pass, "neighbours_scales", (1, 0), summing)?;
             }
-            run_as(pass, "graph_blend", (1, 0), summing)?;
+            run_as(pass, "neighbours_blend", (1, 0), summing)?;
         }
         let mut run = |name: &str, pools: (usize, usize), groups: [u32; 3]| run_as(0, name, pools, groups);
         if solves {
-            run("graph_link", (1, 0), each)?;
-            run("graph_pool", (0, 1), each)?;
-            run("graph_shrink", (1, 0), each)?;
-            run("graph_residual", (0, 1), summing)?;
+            run("neighbours_link", (1, 0), each)?;
+            run("neighbours_pool", (0, 1), each)?;
+            run("neighbours_shrink", (1, 0), each)?;
+            run("neighbours_residual", (0, 1), summing)?;
             self.record_iterations(graph, kernels, uniforms)?;
         }
-        self.neighbour_pass(graph, kernels, "graph_output", uniforms, (0, 1))?.dispatch(each)
+        self.neighbour_pass(graph, kernels, "neighbours_output", uniforms, (0, 1))?.dispatch(each)
     }
 
     /// Steps of the solve.
@@ -339,9 +351,9 @@ impl SurfelCache {
     ) -> Result<(), GpuError> {
         for iteration in 0..ITERATIONS {
             let uniforms = SurfelUniforms { first_item: iteration, ..*uniforms };
-            for name in ["graph_product", "graph_advance", "graph_turn"] {
+            for name in ["neighbours_product", "neighbours_advance", "neighbours_turn"] {
                 // After the last step no direction is needed.
-                if name != "graph_turn" || iteration + 1 < ITERATIONS {
+                if name != "neighbours_turn" || iteration + 1 < ITERATIONS {
                     self.neighbour_pass(graph, kernels, name, &uniforms, (0, 1))?.dispatch(sum_groups(self.live))?;
                 }
             }

@@ -2,8 +2,9 @@
 //!
 //! Ids are allocated by prefix sums in the order of candidates, so the same view always gets the same surfels.
 
-use surfelcast_gpu::{Buffer, GpuError, Graph};
+use surfelcast_gpu::{GpuError, Graph};
 use surfelcast_passes::step::Step;
+use surfelcast_passes::visibility::Visibility;
 use surfelcast_passes::{counters, merge_passes, workgroups_of};
 use surfelcast_shaders::constants::{SPAWN_FINE_TILE, SPAWN_TILE, SURFEL_HIT_CANDIDATES};
 use surfelcast_shaders::records::{SurfelUniforms, surfel_switches};
@@ -25,10 +26,8 @@ const INITIAL_RANGE: [f32; 2] = [256.0, 1_048_576.0];
 pub(crate) struct SpawnRequest<'a> {
     /// Uniforms of the frame.
     pub(crate) frame: &'a [u8],
-    /// Visibility buffer.
-    pub(crate) visible: &'a Buffer,
-    /// `VisiblePoint` by pixel.
-    pub(crate) points: &'a Buffer,
+    /// What its camera rays hit.
+    pub(crate) visibility: &'a Visibility,
     /// Size of the image, pixels.
     pub(crate) size: [u32; 2],
     /// What the view sees is pinned.
@@ -153,10 +152,10 @@ impl SurfelCache {
             uniforms.switches |= surfel_switches::FINE_TILES;
         }
         let mut graph = work.gpu.graph("surfel_spawn");
-        work.bind_scene(self.pass(&mut graph, work.kernels, "surfel_coverage", &uniforms)?)
+        request
+            .visibility
+            .bind(work.bind_scene(self.pass(&mut graph, work.kernels, "surfel_coverage", &uniforms)?))
             .uniform("frame", request.frame)
-            .bind("visible", request.visible)
-            .bind("visible_points", request.points)
             .dispatch([request.size[0].div_ceil(SPAWN_TILE), request.size[1].div_ceil(SPAWN_TILE), 1])?;
         self.accept(work, request.frame, graph, &uniforms, step)
     }

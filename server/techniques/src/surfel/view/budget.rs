@@ -1,7 +1,7 @@
 //! What a view spends on a frame: radius of its surfels, rays of an update, samples per pixel, and when it looks for gaps.
 //! No device in it.
 
-use crate::surfel::settle::FRAMES_BEFORE;
+use surfelcast_passes::settling::FRAMES_BEFORE;
 use surfelcast_shaders::constants::SURFEL_COARSENESS;
 
 /// Rays of an update, at least: a tiny image still shows a whole scene. And at most.

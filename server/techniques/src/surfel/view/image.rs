@@ -1,5 +1,5 @@
 //! Reconstruction in the image: a screened Poisson problem over pixels, with the values and slopes that they gather from the
-//! surfels (after Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/image/`.
+//! surfels (after Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/kernels/image/`.
 //!
 //! Values and differences are means over the image's samples, so each solve serves all of them. Only the change that a solve
 //! makes to the irradiance is added to the image; pixels without surfels keep their value.
@@ -7,6 +7,7 @@
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};
 use surfelcast_passes::step::Step;
+use surfelcast_passes::visibility::Visibility;
 use surfelcast_passes::{merge_passes, workgroups_of};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
@@ -80,8 +81,7 @@ impl ImageReconstruction {
         }))
     }
 
-    /// Gathers values and slopes for a range of pixels, after their shading. `seen` has the visibility buffer and the visible
-    /// points.
+    /// Gathers values and slopes for a range of pixels, after their shading.
     pub(crate) fn record_gather(
         &self,
         graph: &mut Graph,
@@ -89,20 +89,17 @@ impl ImageReconstruction {
         cache: &SurfelCache,
         uniforms: &SurfelUniforms,
         frame: &FrameUniforms,
-        seen: [&Buffer; 2],
+        visibility: &Visibility,
     ) -> Result<(), GpuError> {
         let frame = FrameUniforms { selector: self.scheme as u32, ..*frame };
         let slopes = cache.slopes().ok_or_else(|| GpuError::Validation {
             context: "reconstruction in the image".to_owned(),
             message: "the cache has no neighbours".to_owned(),
         })?;
-        let [visible, points] = seen;
         cache
-            .bind(work.bind_scene(graph.pass(work.kernels.get("image_gather")?)))
+            .bind(work.bind_scene(visibility.bind(graph.pass(work.kernels.get("image_gather")?))))
             .uniform("cache", bytemuck::bytes_of(uniforms))
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .bind("visible", visible)
-            .bind("visible_points", points)
             .bind("node_gradients", slopes)
             .bind("pixel_slopes", &self.slopes)
             .bind("image_values", &self.values)

@@ -10,14 +10,16 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_passes::counters;
+use surfelcast_passes::direct_light::{DirectLight, DirectLightOptions, EarlierFrame};
 use surfelcast_passes::features::{features_for, general_features};
 use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::kernels::KernelSet;
 use surfelcast_passes::lights::LightBuffers;
+use surfelcast_passes::settling::{Settling, SettlingOptions};
 use surfelcast_passes::step::{Step, StepBudget};
 use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::visibility::Visibility;
 use surfelcast_shaders::Features;
-use surfelcast_shaders::records::VisiblePoint;
 
 pub(super) use self::budget::{Budget, UpdateChoice};
 pub(super) use self::image::{Gathered, ImageReconstruction};
@@ -25,11 +27,8 @@ pub use self::inspect::SurfelOutput;
 pub(super) use self::splat::{SPLAT, Splat};
 use crate::session::SessionState;
 use crate::surfel::cache::SurfelCache;
-use crate::surfel::direct::DirectLight;
 use crate::surfel::frame::Stage;
 use crate::surfel::kernels_for;
-use crate::surfel::reuse::EarlierFrame;
-use crate::surfel::settle::Settle;
 use crate::technique::{Change, Technique, TechniqueError, TechniqueOptions};
 
 /// Kernels of the reconstruction in the image.
@@ -55,11 +54,8 @@ pub(super) struct SurfelView {
     /// Rays of the current frame.
     pub(super) frame_rays: u64,
     /// Path-traced samples that the image converges to.
-    pub(super) settle: Option<Settle>,
-    /// Packed hit of each pixel's camera ray, 16 bytes.
-    pub(super) visible: Buffer,
-    /// `VisiblePoint` by pixel.
-    pub(super) points: Buffer,
+    pub(super) settling: Option<Settling>,
+    pub(super) visibility: Visibility,
     /// Mean radiance (rgb), `vec4f` by pixel.
     pub(super) accumulation: Buffer,
     /// Mean light that was scattered at most once, `vec4f` by pixel.
@@ -107,13 +103,28 @@ impl SurfelView {
             samples_left: 0,
             frame_rays: 0,
             // What is split apart is the cache's alone.
-            settle: (options.surfel.settles && !options.is_split)
-                .then(|| Settle::new(options, features.with(SPLAT, false))),
-            visible: view_buffer("visible")?,
-            points: gpu.buffer("visible_points", MemoryKind::View, pixels * size_of::<VisiblePoint>() as u64)?,
+            settling: (options.surfel.settles && !options.is_split).then(|| {
+                Settling::new(SettlingOptions {
+                    size: options.size,
+                    materials: options.materials,
+                    features: features.with(SPLAT, false),
+                    seed: options.seed,
+                    waits_for_kernels: options.waits_for_kernels,
+                })
+            }),
+            visibility: Visibility::new(gpu, options.size)?,
             accumulation: view_buffer("accumulation")?,
             direct: view_buffer("direct_mean")?,
-            light: DirectLight::new(gpu, &options)?,
+            light: DirectLight::new(
+                gpu,
+                DirectLightOptions {
+                    size: options.size,
+                    // What is split apart is shown as it was sampled.
+                    reuses: options.surfel.reuses_direct && !options.is_split,
+                    filters: options.surfel.filters_direct && !options.is_split,
+                    is_moving: options.size != options.full_size,
+                },
+            )?,
             splat,
             split: if options.is_split {
                 Some((view_buffer("split_irradiance")?, view_buffer("split_reflection")?))
@@ -132,7 +143,7 @@ impl SurfelView {
 
     /// The image that the cache's frames make, without the path-traced one.
     pub(super) fn cache_image(&self) -> &Buffer {
-        let gathered = || self.light.picture().unwrap_or(&self.accumulation);
+        let gathered = || self.light.image().unwrap_or(&self.accumulation);
         self.image.as_ref().map_or_else(gathered, ImageReconstruction::image)
     }
 }
@@ -150,9 +161,13 @@ impl Technique for SurfelView {
     }
 
     fn invalidate(&mut self, change: Change) {
-        self.light.restart(change, self.frames);
-        if let Some(settle) = &mut self.settle {
-            settle.restart();
+        match change {
+            Change::Camera => self.light.move_camera(self.frames),
+            // The cache belongs to the session, which announces such a change to it once.
+            Change::Lights | Change::Transforms => self.light.relight(),
+        }
+        if let Some(settling) = &mut self.settling {
+            settling.restart();
         }
         if let Some(image) = &mut self.image {
             image.restart();
@@ -173,12 +188,12 @@ impl Technique for SurfelView {
     }
 
     fn picture(&self) -> &Buffer {
-        let settled = self.settle.as_ref().and_then(Settle::picture);
+        let settled = self.settling.as_ref().and_then(Settling::image);
         settled.unwrap_or_else(|| self.cache_image())
     }
 
     fn samples(&self) -> u32 {
-        self.frames + self.settle.as_ref().map_or(0, Settle::counted)
+        self.frames + self.settling.as_ref().map_or(0, Settling::counted)
     }
 
     fn split(&self) -> Option<(&Buffer, &Buffer)> {

@@ -4,10 +4,11 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuild
 use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::lights::LightBuffers;
 use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_passes::visibility::{self, Visibility};
 use surfelcast_passes::workgroups_of;
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
-use surfelcast_shaders::records::{SurfelUniforms, VisiblePoint};
+use surfelcast_shaders::records::SurfelUniforms;
 
 use crate::surfel::cache::{CacheCamera, SurfelCache};
 use crate::surfel::settings::Apply;
@@ -83,30 +84,22 @@ impl SurfelCache {
         let splat = Splat::new(gpu, apply, view.size)?;
         let features = features.with(SPLAT, splat.is_some());
         let pixel_count = view.size[0] * view.size[1];
-        let buffer = |label, bytes: usize| gpu.buffer(label, MemoryKind::View, u64::from(pixel_count) * bytes as u64);
-        let visible = buffer("visible", 16)?;
-        let points = buffer("visible_points", size_of::<VisiblePoint>())?;
-        let applied = buffer("applied", 16)?;
+        let visibility = Visibility::new(gpu, view.size)?;
+        let applied = gpu.buffer("applied", MemoryKind::View, u64::from(pixel_count) * 16)?;
         let camera = self.add_camera(false);
         self.set_camera(camera, CacheCamera::of_view(view, scene.origin, view.size), view.exposure);
         let uniforms = self.uniforms(0);
         self.remove_camera(camera);
         let mut frame = view.uniforms(scene, lights, features, seed);
         frame.sample_count = 1;
-        let frame = bytemuck::bytes_of(&frame);
         let mut graph = gpu.graph("surfel_apply");
-        lights
-            .bind(scene.bind(graph.pass(&gpu.kernel("surfel_visibility", features)?)))
-            .uniform("frame", frame)
-            .uniform("cache", bytemuck::bytes_of(&uniforms))
-            .bind("visible", &visible)
-            .bind("visible_points", &points)
-            .dispatch(workgroups_of(pixel_count))?;
+        visibility.record(&mut graph, &gpu.kernel(visibility::KERNEL, features)?, scene, lights, &frame)?;
+        let frame = bytemuck::bytes_of(&frame);
         if let Some(splat) = &splat {
-            splat.record(&mut graph, self, &uniforms, frame, &points)?;
+            splat.record(&mut graph, self, &uniforms, frame, &visibility.points)?;
         }
         let kernel = gpu.kernel("surfel_apply", features)?;
-        let mut pass = self.bind(graph.pass(&kernel)).uniform("frame", frame).bind("visible_points", &points);
+        let mut pass = self.bind(visibility.bind(graph.pass(&kernel))).uniform("frame", frame);
         if splat.is_none() {
             pass = pass.uniform("cache", bytemuck::bytes_of(&uniforms));
         }
