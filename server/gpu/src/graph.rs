@@ -197,16 +197,6 @@ impl PassBuilder<'_> {
         self.storage(name, buffer, Access::StorageReadWrite)
     }
 
-    /// Binds the buffer if this variant of the kernel has such a binding.
-    pub fn read_if_bound(self, name: &str, buffer: &Buffer) -> Self {
-        if self.kernel.binds(name) { self.read(name, buffer) } else { self }
-    }
-
-    /// Binds the buffer if this variant of the kernel has such a binding.
-    pub fn read_write_if_bound(self, name: &str, buffer: &Buffer) -> Self {
-        if self.kernel.binds(name) { self.read_write(name, buffer) } else { self }
-    }
-
     /// Binds the buffer with the access that the kernel declares.
     pub fn bind(self, name: &str, buffer: &Buffer) -> Self {
         let bindings = &self.kernel.reflection().bindings;

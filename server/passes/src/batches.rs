@@ -1,6 +1,6 @@
-//! Samples in batches: the same number for every pixel, in ranges of pixels small enough that no submission holds the device
-//! for long. Batch sizes follow from the sample count and never from timing, so the same job draws the same numbers and merges
-//! them in the same order.
+//! Samples in batches: the same number for every pixel, in ranges of pixels small enough that no submission holds the
+//! device for long. Batch sizes follow from the sample count and never from timing, so the same job draws the same
+//! numbers and merges them in the same order.
 
 use surfelcast_shaders::constants::WORKGROUP_SIZE;
 use surfelcast_shaders::records::FrameUniforms;
@@ -33,8 +33,8 @@ impl Batches {
         self.samples
     }
 
-    /// Starts a batch if none is in hand: as many samples as there are already, so that a first picture comes soon and later ones
-    /// cost little overhead. Returns whether there is one.
+    /// Starts a batch if none is in hand: as many samples as there are already, so that a first picture comes soon and
+    /// later ones cost little overhead. Returns whether there is one.
     pub fn begin(&mut self, budget: &StepBudget) -> bool {
         if self.batch == 0 {
             let left = budget.until_samples.saturating_sub(self.samples);

@@ -4,8 +4,8 @@ use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_shaders::constants::{COUNTER_SLOTS, COUNTERS_PER_SLOT};
 use surfelcast_shaders::layout::bytemuck;
 
-/// Bytes of the counters: `u32`, [`COUNTERS_PER_SLOT`] for each of [`COUNTER_SLOTS`] slots. Written by path kernels, read
-/// back after every dispatch, so that 32 bits suffice.
+/// Bytes of the counters: `u32`, [`COUNTERS_PER_SLOT`] for each of [`COUNTER_SLOTS`] slots. Written by path kernels,
+/// read back after every dispatch, so that 32 bits suffice.
 pub const BYTES: u64 = COUNTER_SLOTS as u64 * COUNTERS_PER_SLOT as u64 * 4;
 
 /// What a dispatch counted.

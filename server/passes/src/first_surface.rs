@@ -25,7 +25,8 @@ pub enum FirstSurfaceOutput {
     Instance = 4,
 }
 
-/// One output as a buffer of colours that survive the tone map: normals and positions as colours, depth from near to far.
+/// One output as a buffer of colours that survive the tone map: normals and positions as colours, depth from near to
+/// far.
 pub fn first_surface_for_screen(
     gpu: &Gpu,
     scene: &SceneBuffers,
@@ -89,7 +90,7 @@ pub fn first_surface(
     lights
         .bind(scene.bind(graph.pass(&kernel)))
         .uniform("frame", bytemuck::bytes_of(&uniforms))
-        .read_write("first_surface_output", &buffer)
+        .bind("first_surface_output", &buffer)
         .dispatch(super::workgroups_of(pixel_count))?;
     let ticket = graph.read_back(&buffer, 0..u64::from(pixel_count) * 16)?;
     let mut report = graph.submit()?.wait()?;

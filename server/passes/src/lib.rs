@@ -1,6 +1,6 @@
-//! Passes that any rendering technique may use: scene upload, light table, frame uniforms, visibility, batches of samples,
-//! direct light with reuse and filter, settling, first-surface outputs, error audit, image-space Poisson solver, tone map.
-//! None of them knows a technique.
+//! Passes that any rendering technique may use: scene upload, light table, frame uniforms, visibility, batches of
+//! samples, direct light with reuse and filter, settling, first-surface outputs, error audit, image-space Poisson
+//! solver, tone map. None of them knows a technique.
 
 pub mod audit;
 pub mod batches;

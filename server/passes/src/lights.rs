@@ -58,7 +58,7 @@ impl LightBuffers {
     /// Binds to a pass the light buffers its kernel uses.
     pub fn bind<'g>(&self, mut pass: surfelcast_gpu::PassBuilder<'g>) -> surfelcast_gpu::PassBuilder<'g> {
         for (name, buffer) in [("light_table", &self.light_table), ("punctual_lights", &self.punctual_lights)] {
-            pass = pass.read_if_bound(name, buffer);
+            pass = pass.bind_if_bound(name, buffer);
         }
         pass
     }
@@ -108,8 +108,8 @@ fn light_weights(scene: &Scene, state: &LightState) -> (Vec<f32>, u32) {
     (weights, environment_count)
 }
 
-/// Power overstates what comes from infinitely far: indoors nearly all of it is shut out. So such lights together are chosen at
-/// most as often as all others together.
+/// Power overstates what comes from infinitely far: indoors nearly all of it is shut out. So such lights together are
+/// chosen at most as often as all others together.
 fn balance(weights: &mut [f32], is_infinite: impl Fn(usize) -> bool) {
     let sum = |wanted: bool| {
         let chosen = weights.iter().enumerate().filter(|(index, _)| is_infinite(*index) == wanted);
@@ -132,8 +132,8 @@ fn punctual_record(light: &PunctualLight) -> PunctualRecord {
         PunctualKind::Spot { inner_angle, outer_angle } => (1, inner_angle, outer_angle),
         PunctualKind::Directional => (2, 0.0, 0.0),
     };
-    // KHR_lights_punctual: squared linear ramp of the cosine between the cones. The outer edge is kept off the inner one
-    // so that the scale stays finite.
+    // KHR_lights_punctual: squared linear ramp of the cosine between the cones. The outer edge is kept off the inner
+    // one so that the scale stays finite.
     let (inner_cos, outer_cos) = (f32::cos(inner), f32::cos(outer));
     let cone_scale = 1.0 / (inner_cos - outer_cos).max(1e-4);
     PunctualRecord {

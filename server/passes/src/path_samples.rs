@@ -68,10 +68,10 @@ impl PathSamples {
         let mut pass = lights.bind(scene.bind(graph.pass(self.kernels.get(KERNEL)?)));
         pass = pass
             .uniform("frame", bytemuck::bytes_of(&range))
-            .read_write("accumulation", &self.accumulation)
-            .read_write("counters", &self.counters);
+            .bind("accumulation", &self.accumulation)
+            .bind("counters", &self.counters);
         if let Some((direct, irradiance)) = &self.split {
-            pass = pass.read_write("split_direct", direct).read_write("split_irradiance", irradiance);
+            pass = pass.bind("split_direct", direct).bind("split_irradiance", irradiance);
         }
         pass.dispatch(workgroups_of(range.pixel_count))?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;

@@ -1,5 +1,5 @@
-//! Exclusive prefix sums of `u32`, in place: places in a list without counting arrivals, so that the order is always the
-//! same.
+//! Exclusive prefix sums of `u32`, in place: places in a list without counting arrivals, so that the order is always
+//! the same.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_shaders::Features;
@@ -40,15 +40,15 @@ impl Scan {
         graph
             .pass(&self.blocks)
             .uniform("scan", uniforms)
-            .read_write("scan_values", values)
-            .read_write("scan_sums", &self.sums)
+            .bind("scan_values", values)
+            .bind("scan_sums", &self.sums)
             .dispatch(groups)?;
-        graph.pass(&self.totals).uniform("scan", uniforms).read_write("scan_sums", &self.sums).dispatch([1, 1, 1])?;
+        graph.pass(&self.totals).uniform("scan", uniforms).bind("scan_sums", &self.sums).dispatch([1, 1, 1])?;
         graph
             .pass(&self.add)
             .uniform("scan", uniforms)
-            .read_write("scan_values", values)
-            .read("scan_sums", &self.sums)
+            .bind("scan_values", values)
+            .bind("scan_sums", &self.sums)
             .dispatch(groups)
     }
 }

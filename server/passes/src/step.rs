@@ -7,8 +7,8 @@ use crate::merge_passes;
 /// Bounds of one step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepBudget {
-    /// Number of paths to aim at: samples times pixels. The caller derives it from the measured rate of paths, so that a
-    /// step ends within the time that other views may have to wait.
+    /// Number of paths to aim at: samples times pixels. The caller derives it from the measured rate of paths, so that
+    /// a step ends within the time that other views may have to wait.
     pub max_paths: u64,
     /// Samples a pixel at which the caller reads the image next; the step does not go beyond them.
     pub until_samples: u32,

@@ -19,8 +19,8 @@ pub fn tone_map(
     graph
         .pass(&kernel)
         .uniform("display", bytemuck::bytes_of(&uniforms))
-        .read("accumulation", picture)
-        .read_write("display_pixels", &pixels)
+        .bind("accumulation", picture)
+        .bind("display_pixels", &pixels)
         .dispatch(super::workgroups_of(pixel_count))?;
     let ticket = graph.read_back(&pixels, 0..u64::from(pixel_count) * 4)?;
     let mut report = graph.submit()?.wait()?;

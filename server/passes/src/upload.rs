@@ -181,7 +181,7 @@ impl SceneBuffers {
             ("environment_texels", &self.environment_texels),
             ("environment_table", &self.environment_table),
         ] {
-            pass = pass.read_if_bound(name, buffer);
+            pass = pass.bind_if_bound(name, buffer);
         }
         pass
     }
@@ -268,7 +268,8 @@ fn material_records(scene: &Scene) -> (Vec<MaterialRecord>, Vec<TextureUse>, Vec
     (records, uses, texels)
 }
 
-/// Absorption coefficient of a volume from the colour white light takes on over the attenuation distance (Beer-Lambert).
+/// Absorption coefficient of a volume from the colour white light takes on over the attenuation distance
+/// (Beer-Lambert).
 fn absorption(material: &Material) -> [f32; 3] {
     if !material.is_volume || !material.attenuation_distance.is_finite() || material.attenuation_distance <= 0.0 {
         return [0.0; 3];

@@ -1,5 +1,6 @@
 //! Visibility: what the camera ray of each pixel's sample hits, and the surface point there
-//! (`shaders/techniques/common/visible_point.wesl`). Shading, reuse and filter read it instead of tracing the ray again.
+//! (`shaders/techniques/common/visible_point.wesl`). Shading, reuse and filter read it instead of tracing the ray
+//! again.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassTime};
 use surfelcast_shaders::layout::bytemuck;
@@ -38,8 +39,8 @@ impl Visibility {
         })
     }
 
-    /// Traces the camera rays of the sample `frame.first_sample` of every pixel and waits for them. In pieces, so that no
-    /// submission of a large image holds the device for long.
+    /// Traces the camera rays of the sample `frame.first_sample` of every pixel and waits for them. In pieces, so that
+    /// no submission of a large image holds the device for long.
     pub fn trace(
         &self,
         gpu: &Gpu,

@@ -204,7 +204,8 @@ fn every_start_leads_to_the_same_solution() {
     }
 }
 
-/// A picture that fits its differences is its own solution; blurred, the Gaussian start restores it where the blur is whole.
+/// A picture that fits its differences is its own solution; blurred, the Gaussian start restores it where the blur is
+/// whole.
 #[test]
 fn the_gaussian_start_undoes_a_blur_that_it_matches() {
     let gpu = gpu();

@@ -72,7 +72,7 @@ impl Bench {
     fn draw(&self, uniforms: SurfaceUniforms) -> Vec<DrawnSurface> {
         let uniforms = SurfaceUniforms { count: COUNT, seed: [41, 43], ..uniforms };
         device::run(&self.gpu, &self.kernel, "drawn", COUNT, |pass| {
-            pass.uniform("draw", bytemuck::bytes_of(&uniforms)).read_if_bound("materials", &self.materials)
+            pass.uniform("draw", bytemuck::bytes_of(&uniforms)).bind_if_bound("materials", &self.materials)
         })
     }
 }

@@ -1,19 +1,20 @@
 //! What the audit's samples say of the picture's error: an unbiased estimate, how sure it is, and an interval.
 //!
-//! **The tone map is bent**, so the tone-mapped mean of few samples is off by about `t'' var / 2`, always downwards. Were that
-//! left in, a picture much better than the audit's samples would look worse than it is: by the square of that amount. So each
-//! half is made of lanes, and the jackknife over them (Quenouille 1956) takes the first order away: `L t(mean) - (L - 1) mean of t
-//! (mean without a lane)`. What remains falls with the square of the samples and enters the product squared once more.
+//! **The tone map is bent**, so the tone-mapped mean of few samples is off by about `t'' var / 2`, always downwards.
+//! Were that left in, a picture much better than the audit's samples would look worse than it is: by the square of that
+//! amount. So each half is made of lanes, and the jackknife over them (Quenouille 1956) takes the first order away: `L
+//! t(mean) - (L - 1) mean of t (mean without a lane)`. What remains falls with the square of the samples and enters the
+//! product squared once more.
 //!
-//! **All splits are used.** Which lanes make half a and which half b is arbitrary. The mean over the 15 splits of 16 streams that
-//! the Walsh functions name parts each pair of streams equally often, so it is what the mean over all pairs would be: the noise
-//! of a product of halves falls by half at no further ray.
+//! **All splits are used.** Which lanes make half a and which half b is arbitrary. The mean over the 15 splits of 16
+//! streams that the Walsh functions name parts each pair of streams equally often, so it is what the mean over all
+//! pairs would be: the noise of a product of halves falls by half at no further ray.
 //!
-//! **Errors are skewed**: squares of noise, most of them small. The mean of a sample with few large ones comes out low together
-//! with its own standard error, and an interval of plain standard errors misses the truth above it too often. Hall's (1992)
-//! transformation takes the skewness out of the studentised mean; its inverse widens the interval upwards. The more a few values
-//! carry, the less is known of the standard error itself: Student's t stands for the normal distribution, with the degrees of
-//! freedom that the kurtosis leaves (Satterthwaite 1946).
+//! **Errors are skewed**: squares of noise, most of them small. The mean of a sample with few large ones comes out low
+//! together with its own standard error, and an interval of plain standard errors misses the truth above it too often.
+//! Hall's (1992) transformation takes the skewness out of the studentised mean; its inverse widens the interval
+//! upwards. The more a few values carry, the less is known of the standard error itself: Student's t stands for the
+//! normal distribution, with the degrees of freedom that the kurtosis leaves (Satterthwaite 1946).
 
 use super::AuditResult;
 use super::pixels::AuditPixel;
@@ -123,8 +124,8 @@ pub(super) fn evaluate(evidence: &Evidence<'_>, result: &mut AuditResult) {
     result.mse_std_error = found.std_error;
     let seen = mse.max(0.0);
     result.rmse_tonemapped = seen.sqrt();
-    // As far as one standard error of the mean square takes the root; where the error is smaller than the audit can see, that
-    // is all that is known.
+    // As far as one standard error of the mean square takes the root; where the error is smaller than the audit can
+    // see, that is all that is known.
     result.std_error = (seen + found.std_error).sqrt() - seen.sqrt();
     result.rmse_interval = interval(mse, &found);
     result.bound = result.rmse_interval[1].max(evidence.predicted.max(0.0).sqrt());
@@ -224,8 +225,8 @@ mod tests {
 
     #[test]
     fn the_bend_of_the_tone_map_does_not_show() {
-        // The picture is the truth, streams are single samples of an exponential: without the jackknife the audit sees an
-        // RMSE of 0.0098 that comes of its own noise alone, seven standard errors from none.
+        // The picture is the truth, streams are single samples of an exponential: without the jackknife the audit sees
+        // an RMSE of 0.0098 that comes of its own noise alone, seven standard errors from none.
         let mut random = Random(2);
         let means: Vec<_> = (0..100_000 * STREAMS).map(|_| [random.exponential(0.5) as f32; 4]).collect();
         let result = judged(0.5, &means, 0.0);

@@ -1,14 +1,14 @@
 //! The error audit: how far the shown picture is from the truth, bias included.
 //!
-//! For a sparse random set of pixels independent unbiased estimates are drawn, in streams that share no random number. The
-//! streams are split into halves a and b. With t the tone map of the metric, `(t(x) - t(a)) (t(x) - t(b))` has the squared
-//! error of the shown value x as its expectation, since the noise of a and b is independent and cancels.
+//! For a sparse random set of pixels independent unbiased estimates are drawn, in streams that share no random number.
+//! The streams are split into halves a and b. With t the tone map of the metric, `(t(x) - t(a)) (t(x) - t(b))` has the
+//! squared error of the shown value x as its expectation, since the noise of a and b is independent and cancels.
 //! `estimate.rs` says what is made of the streams so that this holds in spite of the bent tone map.
 //!
 //! A few pixels (edges of lamps, caustics) may carry most of the error, and a sparse set misses most of them. So each
 //! pixel's error is also *predicted* from the scatter of its samples, which costs no ray, over the whole picture; the
-//! audited pixels then correct the prediction: `mean(all predicted) + mean(audited - predicted)`. That is unbiased whatever
-//! the prediction is worth, and its noise is that of the correction alone.
+//! audited pixels then correct the prediction: `mean(all predicted) + mean(audited - predicted)`. That is unbiased
+//! whatever the prediction is worth, and its noise is that of the correction alone.
 //!
 //! The pixels are stratified (`pixels.rs`). Audit samples never feed the picture.
 
@@ -31,8 +31,8 @@ use crate::upload::SceneBuffers;
 const LANES: u32 = STREAMS as u32 / 2;
 /// Paths of one submission, so that none holds the device for long.
 const MAX_PATHS: u32 = 1 << 16;
-/// Share of the picture's samples a pixel that each half takes: of a picture whose error is the noise of its samples, no other
-/// share tells more at as many rays.
+/// Share of the picture's samples a pixel that each half takes: of a picture whose error is the noise of its samples,
+/// no other share tells more at as many rays.
 const SAMPLE_SHARE: f32 = 0.5;
 /// Keeps the audit's random numbers apart from the picture's.
 const SEED_SALT: u64 = 0x5af3_17c9_b0d2_6e41;
@@ -57,8 +57,8 @@ pub struct Audit {
 /// What an audit found.
 #[derive(Clone, Debug, Default)]
 pub struct AuditResult {
-    /// Mean squared error after the tone map. Unbiased, and so below 0 by chance where the error is smaller than the audit
-    /// can see.
+    /// Mean squared error after the tone map. Unbiased, and so below 0 by chance where the error is smaller than the
+    /// audit can see.
     pub mse: f64,
     /// Standard error of `mse`.
     pub mse_std_error: f64,
@@ -68,9 +68,9 @@ pub struct AuditResult {
     pub std_error: f64,
     /// Ends of the interval that holds the true RMSE in nine cases of ten.
     pub rmse_interval: [f64; 2],
-    /// What the error is very probably below: the upper end of the interval, and no less than the scatter of the samples
-    /// predicts. A render to a stated error stops on it, and not on less: it looks many times and takes the first audit that
-    /// passes, so audits that came out low by chance are the ones that end renders.
+    /// What the error is very probably below: the upper end of the interval, and no less than the scatter of the
+    /// samples predicts. A render to a stated error stops on it, and not on less: it looks many times and takes the
+    /// first audit that passes, so audits that came out low by chance are the ones that end renders.
     pub bound: f64,
     /// Mean squared error relative to `r^2 + 0.01 mean(r)^2`.
     pub rel_mse: f64,
@@ -144,16 +144,16 @@ impl Audit {
         graph
             .pass(&self.gather)
             .uniform("audit", bytemuck::bytes_of(&uniforms(count)))
-            .read("accumulation", picture)
-            .read("audit_pixels", &self.pixel_list)
-            .read_write("audit_values", &self.picture_values)
+            .bind("accumulation", picture)
+            .bind("audit_pixels", &self.pixel_list)
+            .bind("audit_values", &self.picture_values)
             .dispatch([count.div_ceil(64), 1, 1])?;
         let pixel_count = view.size[0] * view.size[1];
         graph
             .pass(&self.predict)
             .uniform("audit", bytemuck::bytes_of(&uniforms(pixel_count)))
-            .read("accumulation", picture)
-            .read_write("predicted_sums", &self.predicted_sums)
+            .bind("accumulation", picture)
+            .bind("predicted_sums", &self.predicted_sums)
             .dispatch([predict_groups(view.size), 1, 1])?;
         let values = graph.read_back(&self.picture_values, 0..self.picture_values.size_bytes())?;
         let means = graph.read_back(&self.lane_means, 0..self.lane_means.size_bytes())?;
@@ -189,9 +189,9 @@ impl Audit {
         lights
             .bind(scene.bind(graph.pass(&self.kernel)))
             .uniform("frame", bytemuck::bytes_of(&uniforms))
-            .read("audit_pixels", &self.pixel_list)
-            .read_write("audit_means", &self.lane_means)
-            .read_write("counters", &self.counters)
+            .bind("audit_pixels", &self.pixel_list)
+            .bind("audit_means", &self.lane_means)
+            .bind("counters", &self.counters)
             .dispatch([lanes.div_ceil(64), 1, 1])?;
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
         let mut report = graph.submit()?.wait()?;

@@ -12,7 +12,8 @@ const CELL_PIXELS: u64 = 32;
 pub(super) struct AuditPixel {
     /// Place in the picture, in row order.
     pub(super) index: u32,
-    /// Pixels of its cell over those of a mean cell. Cells differ by a row or a column where they do not divide the picture.
+    /// Pixels of its cell over those of a mean cell. Cells differ by a row or a column where they do not divide the
+    /// picture.
     pub(super) weight: f64,
 }
 

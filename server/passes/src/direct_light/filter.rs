@@ -7,8 +7,8 @@ use surfelcast_shaders::records::{FilterUniforms, FrameUniforms};
 
 use crate::workgroups_of;
 
-/// Samples per pixel up to which the filter has its full strength. It then fades out until there are twice as many, and costs
-/// nothing from then on.
+/// Samples per pixel up to which the filter has its full strength. It then fades out until there are twice as many, and
+/// costs nothing from then on.
 const FILTERED_SAMPLES: u32 = 64;
 
 /// Input of the filter: what shading and reuse wrote.
@@ -69,8 +69,9 @@ impl LightFilter {
         self.is_shown.then_some(&self.shown)
     }
 
-    /// Records the present sample count. Returns the earlier count to compare with, 0 for none, and whether the present mean
-    /// is kept for later comparison: the present count is always two to four times the one that it is compared with.
+    /// Records the present sample count. Returns the earlier count to compare with, 0 for none, and whether the present
+    /// mean is kept for later comparison: the present count is always two to four times the one that it is compared
+    /// with.
     fn count(&mut self, samples: u32) -> (u32, bool) {
         let [_, kept] = self.counts;
         let is_kept = samples >= 2 * kept;

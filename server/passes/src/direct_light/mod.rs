@@ -1,8 +1,8 @@
 //! Direct light of an image with less noise than its samples have: light of the frame before is reused while the camera
 //! moves (`reuse.rs`), and neighbouring pixels are averaged as far as they differ by noise (`filter.rs`).
 //!
-//! Shading keeps the diffuse part of its light samples by pixel (`shaders/techniques/common/direct_history.wesl`). The mean
-//! that later samples are added to contains neither reused nor filtered light.
+//! Shading keeps the diffuse part of its light samples by pixel (`shaders/techniques/common/direct_history.wesl`). The
+//! mean that later samples are added to contains neither reused nor filtered light.
 
 mod filter;
 mod reuse;
@@ -65,7 +65,8 @@ impl DirectLight {
         self.options.size[0] * self.options.size[1]
     }
 
-    /// Allocates what filter and reuse need, before the first frame that benefits: images that never move reuse nothing.
+    /// Allocates what filter and reuse need, before the first frame that benefits: images that never move reuse
+    /// nothing.
     pub fn prepare(&mut self, gpu: &Gpu, lights: &LightBuffers) {
         let is_noisy = has_noise(lights);
         if !(self.options.filters && is_noisy) {
@@ -108,8 +109,8 @@ impl DirectLight {
         moves | if is_kept { KEEPS_DIFFUSE_LIGHT } else { 0 }
     }
 
-    /// Records reuse and filter after the shading of a whole sample per pixel; `is_shown` for the last one of a frame, which
-    /// alone is shown and so filtered.
+    /// Records reuse and filter after the shading of a whole sample per pixel; `is_shown` for the last one of a frame,
+    /// which alone is shown and so filtered.
     pub fn record(
         &mut self,
         graph: &mut Graph,

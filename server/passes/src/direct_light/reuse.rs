@@ -65,7 +65,8 @@ impl Reuse {
         Ok(reuse)
     }
 
-    /// Whether the sample after `samples` samples is kept for later frames. From then on no reused light is left in the image.
+    /// Whether the sample after `samples` samples is kept for later frames. From then on no reused light is left in the
+    /// image.
     pub(super) const fn keeps(samples: u32) -> bool {
         samples < 2 * REUSED_FRAMES
     }

@@ -30,8 +30,8 @@ pub enum Preconditioner {
 pub enum Start {
     /// V itself.
     Value,
-    /// V plus its differences through a signed Gaussian along each axis (Noack 2022, section 5.10), which presumes that V
-    /// is a blurred picture.
+    /// V plus its differences through a signed Gaussian along each axis (Noack 2022, section 5.10), which presumes that
+    /// V is a blurred picture.
     SignedGaussian {
         /// Pixels.
         sigma: f32,
@@ -48,12 +48,13 @@ pub enum Start {
 pub enum Norm {
     /// Squares: linear, hence unbiased.
     L2,
-    /// Absolute values, by iteratively reweighted least squares: outliers lose their grip, at the price of a small bias.
+    /// Absolute values, by iteratively reweighted least squares: outliers lose their grip, at the price of a small
+    /// bias.
     L1 {
         /// Rounds after the first, unweighted one.
         rounds: u32,
-        /// A residual that counts as small: 0.05 times this is added to the residuals in the first round, and half as much
-        /// in each that follows.
+        /// A residual that counts as small: 0.05 times this is added to the residuals in the first round, and half as
+        /// much in each that follows.
         scale: f32,
     },
 }

@@ -244,23 +244,23 @@ impl PoissonSolver {
     }
 
     /// Residual of the solution as it stands, computed anew, as a share of the residual of V; the one in the
-    /// [report](Self::report) is carried along by conjugate gradients, and goes on falling when `f32` has no more to give. Not
-    /// counted in the report.
+    /// [report](Self::report) is carried along by conjugate gradients, and goes on falling when `f32` has no more to
+    /// give. Not counted in the report.
     pub fn true_residual(&self, gpu: &Gpu, problem: &PoissonProblem<'_>) -> Result<f64, GpuError> {
         let mut graph = gpu.graph("poisson_residual");
         let groups = workgroups_of(self.size[0] * self.size[1]);
         // Between iterations this vector holds nothing that is still needed.
         pass(&mut graph, &self.kernels.right_side, self.size, 0, 0.0)
-            .read("poisson_weights", self.weights(problem))
-            .read("poisson_value", problem.value)
-            .read("poisson_differences", problem.differences)
-            .read_write("poisson_right", &self.products)
+            .bind("poisson_weights", self.weights(problem))
+            .bind("poisson_value", problem.value)
+            .bind("poisson_differences", problem.differences)
+            .bind("poisson_right", &self.products)
             .dispatch(groups)?;
         pass(&mut graph, &self.kernels.measure, self.size, 0, 0.0)
-            .read("poisson_weights", self.weights(problem))
-            .read("poisson_values", problem.solution)
-            .read("poisson_right", &self.products)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_weights", self.weights(problem))
+            .bind("poisson_values", problem.solution)
+            .bind("poisson_right", &self.products)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(&mut graph, NORM)?;
         let ticket = graph.read_back(&self.scalars, 0..SCALAR_BYTES)?;
@@ -284,26 +284,26 @@ impl PoissonSolver {
         if let (Norm::L1 { scale, .. }, Some(reweighted), 1..) = (self.settings.norm, &self.reweighted, self.round) {
             let added = L1_SHARE * scale * 0.5f32.powi(self.round as i32 - 1);
             pass(&mut graph, &self.kernels.reweight, size, 0, added)
-                .read("base_weights", problem.weights)
-                .read("poisson_value", problem.value)
-                .read("poisson_differences", problem.differences)
-                .read("poisson_solution", problem.solution)
-                .read_write("new_weights", reweighted)
+                .bind("base_weights", problem.weights)
+                .bind("poisson_value", problem.value)
+                .bind("poisson_differences", problem.differences)
+                .bind("poisson_solution", problem.solution)
+                .bind("new_weights", reweighted)
                 .dispatch(groups)?;
         }
         let weights = self.weights(problem).clone();
         pass(&mut graph, &self.kernels.right_side, size, 0, 0.0)
-            .read("poisson_weights", &weights)
-            .read("poisson_value", problem.value)
-            .read("poisson_differences", problem.differences)
-            .read_write("poisson_right", &self.residual)
+            .bind("poisson_weights", &weights)
+            .bind("poisson_value", problem.value)
+            .bind("poisson_differences", problem.differences)
+            .bind("poisson_right", &self.residual)
             .dispatch(groups)?;
         // The residual of V is what later ones are compared with, whatever the start.
         pass(&mut graph, &self.kernels.measure, size, 0, 0.0)
-            .read("poisson_weights", &weights)
-            .read("poisson_values", problem.value)
-            .read("poisson_right", &self.residual)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_weights", &weights)
+            .bind("poisson_values", problem.value)
+            .bind("poisson_right", &self.residual)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(&mut graph, NORM)?;
         if self.round == 0 {
@@ -312,8 +312,8 @@ impl PoissonSolver {
         let mut finer = (size, weights.clone());
         for level in &self.levels {
             pass(&mut graph, &self.kernels.coarsen, finer.0, 0, self.settings.coarse_edge)
-                .read("poisson_weights", &finer.1)
-                .read_write("coarse_weights", &level.weights)
+                .bind("poisson_weights", &finer.1)
+                .bind("coarse_weights", &level.weights)
                 .dispatch(workgroups_of(level.size[0] * level.size[1]))?;
             finer = (level.size, level.weights.clone());
         }
@@ -322,9 +322,9 @@ impl PoissonSolver {
         if let Solver::ConjugateGradients(preconditioner) = self.settings.solver {
             let mut graph = gpu.graph("poisson");
             pass(&mut graph, &self.kernels.subtract, size, 0, 0.0)
-                .read("poisson_weights", &weights)
-                .read("poisson_values", problem.solution)
-                .read_write("poisson_residual", &self.residual)
+                .bind("poisson_weights", &weights)
+                .bind("poisson_values", problem.solution)
+                .bind("poisson_residual", &self.residual)
                 .dispatch(groups)?;
             self.correct(&mut graph, &weights, preconditioner, FIRST_RZ)?;
             merge_passes(&mut self.report.passes, graph.submit()?.wait()?.passes);
@@ -342,10 +342,10 @@ impl PoissonSolver {
         };
         let mut axis = |selector, source: &Buffer, target: &Buffer| {
             pass(graph, &self.kernels.start, self.size, selector, sigma)
-                .read("poisson_weights", weights)
-                .read("poisson_source", source)
-                .read("poisson_differences", problem.differences)
-                .read_write("poisson_started", target)
+                .bind("poisson_weights", weights)
+                .bind("poisson_source", source)
+                .bind("poisson_differences", problem.differences)
+                .bind("poisson_started", target)
                 .dispatch(workgroups_of(self.size[0] * self.size[1]))
         };
         if sigma > 0.0 {
@@ -367,10 +367,10 @@ impl PoissonSolver {
                 for _ in 0..count.div_ceil(2) {
                     for (from, to) in [(problem.solution, &self.products), (&self.products, problem.solution)] {
                         pass(graph, &self.kernels.jacobi, size, 0, 0.0)
-                            .read("poisson_weights", weights)
-                            .read("poisson_right", &self.residual)
-                            .read("poisson_values", from)
-                            .read_write("poisson_next", to)
+                            .bind("poisson_weights", weights)
+                            .bind("poisson_right", &self.residual)
+                            .bind("poisson_values", from)
+                            .bind("poisson_next", to)
                             .dispatch(groups)?;
                     }
                 }
@@ -392,10 +392,10 @@ impl PoissonSolver {
             }
         }
         pass(graph, &self.kernels.measure, size, 0, 0.0)
-            .read("poisson_weights", weights)
-            .read("poisson_values", problem.solution)
-            .read("poisson_right", &self.residual)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_weights", weights)
+            .bind("poisson_values", problem.solution)
+            .bind("poisson_right", &self.residual)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, NORM)?;
         Ok(done)
@@ -412,19 +412,19 @@ impl PoissonSolver {
         let weights = self.weights(problem);
         let groups = workgroups_of(self.size[0] * self.size[1]);
         pass(graph, &self.kernels.apply, self.size, 0, 0.0)
-            .read("poisson_weights", weights)
-            .read("poisson_directions", directions)
-            .read_write("poisson_products", &self.products)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_weights", weights)
+            .bind("poisson_directions", directions)
+            .bind("poisson_products", &self.products)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, CURVATURE)?;
         pass(graph, &self.kernels.step, self.size, 0, 0.0)
-            .read("poisson_scalars", &self.scalars)
-            .read("poisson_directions", directions)
-            .read("poisson_products", &self.products)
-            .read_write("poisson_solution", problem.solution)
-            .read_write("poisson_residual", &self.residual)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_scalars", &self.scalars)
+            .bind("poisson_directions", directions)
+            .bind("poisson_products", &self.products)
+            .bind("poisson_solution", problem.solution)
+            .bind("poisson_residual", &self.residual)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, NORM)?;
         self.correct(graph, weights, preconditioner, NEXT_RZ)
@@ -446,26 +446,26 @@ impl PoissonSolver {
         } else {
             let selector = u32::from(preconditioner == Preconditioner::Diagonal);
             pass(graph, &self.kernels.diagonal, self.size, selector, 0.0)
-                .read("poisson_weights", weights)
-                .read("poisson_residual", &self.residual)
-                .read_write("poisson_correction", correction)
+                .bind("poisson_weights", weights)
+                .bind("poisson_residual", &self.residual)
+                .bind("poisson_correction", correction)
                 .dispatch(groups)?;
         }
         pass(graph, &self.kernels.dot, self.size, 0, 0.0)
-            .read("poisson_residual", &self.residual)
-            .read("poisson_correction", correction)
-            .read_write("poisson_partials", &self.partials)
+            .bind("poisson_residual", &self.residual)
+            .bind("poisson_correction", correction)
+            .bind("poisson_partials", &self.partials)
             .dispatch(groups)?;
         self.reduce(graph, sum)?;
         pass(graph, &self.kernels.direction, self.size, u32::from(sum == NEXT_RZ), 0.0)
-            .read("poisson_scalars", &self.scalars)
-            .read("poisson_correction", correction)
-            .read_write("poisson_directions", directions)
+            .bind("poisson_scalars", &self.scalars)
+            .bind("poisson_correction", correction)
+            .bind("poisson_directions", directions)
             .dispatch(groups)
     }
 
-    /// A V-cycle from 0 on a grid: size, weights, right side, values. Smoothing after the coarser grid runs backwards, so
-    /// that the cycle is a symmetric operator.
+    /// A V-cycle from 0 on a grid: size, weights, right side, values. Smoothing after the coarser grid runs backwards,
+    /// so that the cycle is a symmetric operator.
     fn v_cycle(
         &self,
         graph: &mut Graph,
@@ -475,24 +475,24 @@ impl PoissonSolver {
         let (size, weights, right, values) = grid;
         let Some(coarse) = self.levels.get(depth) else {
             return pass(graph, &self.kernels.coarsest, size, 0, 0.0)
-                .read("poisson_weights", weights)
-                .read("poisson_right", right)
-                .read_write("poisson_values", values)
+                .bind("poisson_weights", weights)
+                .bind("poisson_right", right)
+                .bind("poisson_values", values)
                 .dispatch([1, 1, 1]);
         };
         self.smooth(graph, grid, 0, 1.0)?;
         self.smooth(graph, grid, 1, 1.0)?;
         pass(graph, &self.kernels.restrict, size, 0, 0.0)
-            .read("poisson_weights", weights)
-            .read("poisson_right", right)
-            .read("poisson_values", values)
-            .read_write("coarse_right", &coarse.right)
+            .bind("poisson_weights", weights)
+            .bind("poisson_right", right)
+            .bind("poisson_values", values)
+            .bind("coarse_right", &coarse.right)
             .dispatch(workgroups_of(coarse.size[0] * coarse.size[1]))?;
         graph.clear(&coarse.values)?;
         self.v_cycle(graph, depth + 1, (coarse.size, &coarse.weights, &coarse.right, &coarse.values))?;
         pass(graph, &self.kernels.prolong, size, 0, 0.0)
-            .read("coarse_values", &coarse.values)
-            .read_write("poisson_values", values)
+            .bind("coarse_values", &coarse.values)
+            .bind("poisson_values", values)
             .dispatch(workgroups_of(size[0] * size[1]))?;
         self.smooth(graph, grid, 1, 1.0)?;
         self.smooth(graph, grid, 0, 1.0)
@@ -507,9 +507,9 @@ impl PoissonSolver {
         relaxation: f32,
     ) -> Result<(), GpuError> {
         pass(graph, &self.kernels.gauss_seidel, size, color, relaxation)
-            .read("poisson_weights", weights)
-            .read("poisson_right", right)
-            .read_write("poisson_values", values)
+            .bind("poisson_weights", weights)
+            .bind("poisson_right", right)
+            .bind("poisson_values", values)
             .dispatch(workgroups_of(size[0].div_ceil(2) * size[1]))
     }
 
@@ -517,8 +517,8 @@ impl PoissonSolver {
     fn reduce(&self, graph: &mut Graph, sum: u32) -> Result<(), GpuError> {
         let [columns, rows, _] = workgroups_of(self.size[0] * self.size[1]);
         pass(graph, &self.kernels.reduce, [columns * rows, 1], sum, 0.0)
-            .read("poisson_partials", &self.partials)
-            .read_write("poisson_scalars", &self.scalars)
+            .bind("poisson_partials", &self.partials)
+            .bind("poisson_scalars", &self.scalars)
             .dispatch([1, 1, 1])
     }
 

@@ -1,7 +1,7 @@
 //! Which image gets the next samples, decided by costs and measured errors. No device in it.
 
-/// Share of the cost that goes into paths while frames do better, so that the error of the biased image is known: without
-/// them the image would have hardly less noise.
+/// Share of the cost that goes into paths while frames do better, so that the error of the biased image is known:
+/// without them the image would have hardly less noise.
 const EXPLORED_SHARE: f64 = 1.0 / 16.0;
 /// Path-traced samples per pixel from which their noise is known well enough to weight them.
 pub(super) const FEWEST_SAMPLES: u32 = 4;
@@ -66,7 +66,8 @@ impl Ledger {
     /// Decides what the budget goes to, from what was measured after `frames` frames.
     pub(super) fn decide(&mut self, frames: u32, found: Compared) {
         self.next_decision = (self.frame_cost + self.path_cost) * DECISION_GROWTH;
-        // In doubt the budget stays with the frames: among many measurements on few pixels, one exceeds any bound by chance.
+        // In doubt the budget stays with the frames: among many measurements on few pixels, one exceeds any bound by
+        // chance.
         let falling = self.falling_share(frames, found.surely);
         if self.errors.last().is_none_or(|(last, _)| *last < frames) {
             self.errors.push((frames, found.perhaps));
@@ -75,8 +76,8 @@ impl Ledger {
         self.recipient = if is_paths { Recipient::Paths } else { Recipient::Frames };
     }
 
-    /// Share of the biased image's error `now` that falls as one over the number of frames, from the error that it may have
-    /// had with half of them.
+    /// Share of the biased image's error `now` that falls as one over the number of frames, from the error that it may
+    /// have had with half of them.
     fn falling_share(&self, frames: u32, now: f64) -> f64 {
         let earlier = self.errors.iter().rev().find(|(then, _)| *then * 2 <= frames);
         let Some(&(then, error)) = earlier.filter(|_| now > 0.0) else { return 1.0 };
@@ -87,9 +88,9 @@ impl Ledger {
 
 /// Errors from sums over tiles: squared differences, noise of the paths, pixels, squares of that noise.
 ///
-/// The standard error of the sum is estimated in two ways, both of which are too large: by the scatter of tiles, which also
-/// contains that of the error among them; and by the scatter 2 v^2 + 4 e v of a squared difference of noise v and an error e
-/// beyond it, where v is itself overestimated from bright samples. The smaller one is used.
+/// The standard error of the sum is estimated in two ways, both of which are too large: by the scatter of tiles, which
+/// also contains that of the error among them; and by the scatter 2 v^2 + 4 e v of a squared difference of noise v and
+/// an error e beyond it, where v is itself overestimated from bright samples. The smaller one is used.
 pub(super) fn compare(tiles: &[[f32; 4]]) -> Compared {
     let pixels = tiles.iter().map(|tile| f64::from(tile[2])).sum::<f64>().max(1.0);
     let (mut error, mut squares, mut noise, mut scatter_of_pixels) = (0.0, 0.0, 0.0, 0.0);

@@ -1,14 +1,14 @@
 //! Settling: while nothing moves, a biased image converges to the truth by path-traced samples of the same view.
 //!
-//! The biased image of a technique's frames is good at once and keeps some error; the path-traced image starts with much
-//! noise and converges. Both are kept apart, and each pixel shows the blend with the least expected error
+//! The biased image of a technique's frames is good at once and keeps some error; the path-traced image starts with
+//! much noise and converges. Both are kept apart, and each pixel shows the blend with the least expected error
 //! (`shaders/techniques/common/settling.wesl`): about as good as the better of both, and the truth in the limit.
 //!
-//! The next samples go where they lower the error more (`ledger.rs`). The error M of the biased image is the mean square by
-//! which both differ beyond the noise of the paths. Let v be the variance of the path-traced mean times what its samples
-//! cost, C what the frames have cost, and f the share of M that still falls with their number. More paths lower the error of
-//! the blend by M^2 v and more frames by f M v^2 / C, both times the same factor; so paths win where M C > f v. Cost is
-//! counted in rays, never in seconds, so that the same request gives the same bytes.
+//! The next samples go where they lower the error more (`ledger.rs`). The error M of the biased image is the mean
+//! square by which both differ beyond the noise of the paths. Let v be the variance of the path-traced mean times what
+//! its samples cost, C what the frames have cost, and f the share of M that still falls with their number. More paths
+//! lower the error of the blend by M^2 v and more frames by f M v^2 / C, both times the same factor; so paths win where
+//! M C > f v. Cost is counted in rays, never in seconds, so that the same request gives the same bytes.
 
 mod ledger;
 
@@ -31,8 +31,8 @@ use crate::{merge_passes, workgroups_of};
 
 /// Frames before the first path is traced: images of a gesture, and quick previews, pay nothing.
 pub const FRAMES_BEFORE: u32 = 8;
-/// Factor on the noise of the paths in the weights, and what is added to it times the inverse number of their samples, from
-/// which that noise is estimated.
+/// Factor on the noise of the paths in the weights, and what is added to it times the inverse number of their samples,
+/// from which that noise is estimated.
 const CAUTION: f32 = 1.3;
 const CAUTION_OF_FEW: f32 = 4.0;
 /// Keeps the random numbers of the paths apart from those of the frames.
@@ -105,8 +105,8 @@ impl Settling {
         self.on_device.as_ref().filter(|_| self.is_shown).map(|on_device| &on_device.blend)
     }
 
-    /// Path-traced samples per pixel to reach before the next frame, of which there were `frames`. `left` samples are still
-    /// requested of the image.
+    /// Path-traced samples per pixel to reach before the next frame, of which there were `frames`. `left` samples are
+    /// still requested of the image.
     pub fn due(&mut self, gpu: &Gpu, frames: u32, left: u32) -> Result<Option<u32>, GpuError> {
         if frames < FRAMES_BEFORE || self.is_refused || !self.allocate(gpu)? {
             return Ok(None);
@@ -150,8 +150,8 @@ impl Settling {
         Ok(self.on_device.is_some())
     }
 
-    /// Takes path-traced samples. The step is whole when there are `budget.until_samples` of them per pixel, or after a batch
-    /// that counts.
+    /// Takes path-traced samples. The step is whole when there are `budget.until_samples` of them per pixel, or after a
+    /// batch that counts.
     pub fn trace(
         &mut self,
         gpu: &Gpu,

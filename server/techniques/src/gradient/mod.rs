@@ -1,9 +1,9 @@
-//! `gradient`: gradient-domain path tracing (Kettunen et al. 2015). Every path drags along the paths of the four neighbouring
-//! pixels; the differences between them are far less noisy than the values, and a screened Poisson problem makes one picture
-//! of both. Light transport and shifts are described in `shaders/techniques/gradient`.
+//! `gradient`: gradient-domain path tracing (Kettunen et al. 2015). Every path drags along the paths of the four
+//! neighbouring pixels; the differences between them are far less noisy than the values, and a screened Poisson problem
+//! makes one picture of both. Light transport and shifts are described in `shaders/techniques/gradient`.
 //!
-//! Batches of samples are those of `path`; after each whole batch the picture is reconstructed anew. Weights are the same
-//! everywhere and known beforehand, so the least-squares picture is linear in what was measured, and unbiased.
+//! Batches of samples are those of `path`; after each whole batch the picture is reconstructed anew. Weights are the
+//! same everywhere and known beforehand, so the least-squares picture is linear in what was measured, and unbiased.
 
 mod spread;
 
@@ -194,17 +194,17 @@ impl GradientTracer {
         lights
             .bind(scene.bind(graph.pass(self.kernels.get(KERNELS[0])?)))
             .uniform("frame", bytemuck::bytes_of(&range))
-            .read_write("accumulation", &self.accumulation)
-            .read_write("seen_means", &self.seen_means)
-            .read_write("shift_means", &self.shift_means)
-            .read_write("counters", &self.counters)
+            .bind("accumulation", &self.accumulation)
+            .bind("seen_means", &self.seen_means)
+            .bind("shift_means", &self.shift_means)
+            .bind("counters", &self.counters)
             .dispatch(groups)?;
         if range.first_sample == 0 {
             // Once for a camera, piece by piece like the paths.
             lights
                 .bind(scene.bind(graph.pass(self.kernels.get(KERNELS[1])?)))
                 .uniform("frame", bytemuck::bytes_of(&range))
-                .read_write("poisson_weights", &self.weights)
+                .bind("poisson_weights", &self.weights)
                 .dispatch(groups)?;
         }
         let ticket = graph.read_back(&self.counters, 0..counters::BYTES)?;
@@ -224,8 +224,8 @@ impl GradientTracer {
             graph
                 .pass(&self.edges)
                 .uniform("gradient", bytemuck::bytes_of(&self.uniforms([0.0; 2])))
-                .read("shift_means", &self.shift_means)
-                .read_write("poisson_differences", &self.differences)
+                .bind("shift_means", &self.shift_means)
+                .bind("poisson_differences", &self.differences)
                 .dispatch(workgroups_of(self.pixel_count()))?;
             merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
         }
@@ -263,11 +263,11 @@ impl GradientTracer {
         graph
             .pass(&self.compose)
             .uniform("gradient", bytemuck::bytes_of(&self.uniforms(factors)))
-            .read("accumulation", &self.accumulation)
-            .read("poisson_differences", &self.differences)
-            .read("poisson_solution", source)
-            .read("seen_means", &self.seen_means)
-            .read_write("picture", &self.picture)
+            .bind("accumulation", &self.accumulation)
+            .bind("poisson_differences", &self.differences)
+            .bind("poisson_solution", source)
+            .bind("seen_means", &self.seen_means)
+            .bind("picture", &self.picture)
             .dispatch(workgroups_of(self.pixel_count()))?;
         merge_passes(&mut step.passes, graph.submit()?.wait()?.passes);
         Ok(())

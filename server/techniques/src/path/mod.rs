@@ -1,7 +1,7 @@
 //! `path`: progressive path tracing, one estimate for each pixel and no reuse between them.
 //!
-//! The reference of the product: unbiased at any sample count, its error falls as one over the root of the samples. What it
-//! takes is in `passes/path_samples.rs`, since the surfel cache settles with the same samples.
+//! The reference of the product: unbiased at any sample count, its error falls as one over the root of the samples.
+//! What it takes is in `passes/path_samples.rs`, since the surfel cache settles with the same samples.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_shaders::Features;

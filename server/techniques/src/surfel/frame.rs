@@ -1,9 +1,10 @@
 //! A frame of a view, stage by stage: visibility, insert, spawn, allocate rays; trace, integrate, reconstruct, recycle;
 //! shade, denoise direct light; solve in the image; combine with the path-traced image.
 //!
-//! [`SurfelView::next`] names the stages in this order, and the functions below it follow. A frame is cut into pieces, so
-//! that no submission holds the device for long and no step exceeds its budget. Another view may work on the same cache
-//! between two steps; the update of the cache is therefore a state of the cache, the rest of a frame one of the view.
+//! [`SurfelView::next`] names the stages in this order, and the functions below it follow. A frame is cut into pieces,
+//! so that no submission holds the device for long and no step exceeds its budget. Another view may work on the same
+//! cache between two steps; the update of the cache is therefore a state of the cache, the rest of a frame one of the
+//! view.
 
 use std::sync::Arc;
 
@@ -122,8 +123,8 @@ impl SurfelView {
         Ok(context.step)
     }
 
-    /// The next piece of a frame: every stage, in the order in which they run. [`Self::combine`] follows when the image is
-    /// whole.
+    /// The next piece of a frame: every stage, in the order in which they run. [`Self::combine`] follows when the image
+    /// is whole.
     fn next(&mut self, context: &mut Context<'_>) -> Result<Progress, TechniqueError> {
         context.frame.first_sample = self.samples;
         match self.stage {

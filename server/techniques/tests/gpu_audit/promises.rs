@@ -21,7 +21,8 @@ fn tone_mapped(picture: &[[f32; 4]]) -> Vec<[f64; 3]> {
     picture.iter().map(compress).collect()
 }
 
-/// Mean squared error against the truth, of which two pictures with independent noise are known: it cancels in the product.
+/// Mean squared error against the truth, of which two pictures with independent noise are known: it cancels in the
+/// product.
 fn measured(picture: &[[f32; 4]], truths: &[Vec<[f64; 3]>; 2]) -> f64 {
     let products = tone_mapped(picture)
         .into_iter()

@@ -17,8 +17,8 @@ struct Found {
     rms: f64,
     /// Share of edges beyond three standard errors.
     outliers: f64,
-    /// Measured over finite difference, both summed in the direction in which the picture rises, and the distance from 1 in
-    /// standard errors: what a bias common to all edges would move.
+    /// Measured over finite difference, both summed in the direction in which the picture rises, and the distance from
+    /// 1 in standard errors: what a bias common to all edges would move.
     ratio: f64,
     ratio_distance: f64,
 }
@@ -53,7 +53,8 @@ fn measure(gpu: &Gpu, setting: &Setting) -> Found {
         squares += distance * distance;
         outliers += f64::from(u8::from(distance.abs() > 3.0));
     }
-    // The direction comes from one half of the pictures and the sums from the other, or noise would choose its own sign.
+    // The direction comes from one half of the pictures and the sums from the other, or noise would choose its own
+    // sign.
     let (mut finite_sums, mut off) = (Mean::default(), Mean::default());
     let halves = pictures.split_at(pictures.len() / 2);
     for (directions, summed) in [halves, (halves.1, halves.0)] {

@@ -88,7 +88,8 @@ fn least_squares_keep_the_energy() {
     }
 }
 
-/// Over many seeds the mean of reconstructions of few samples is the truth: not only is energy kept, it stays in its place.
+/// Over many seeds the mean of reconstructions of few samples is the truth: not only is energy kept, it stays in its
+/// place.
 #[test]
 fn reconstruction_has_no_bias() {
     let gpu = gpu();
@@ -151,7 +152,8 @@ fn pieces_do_not_show() {
     }
 }
 
-/// The first picture comes from the general kernels; those that fit the scene take over in the middle of an accumulation.
+/// The first picture comes from the general kernels; those that fit the scene take over in the middle of an
+/// accumulation.
 #[test]
 fn the_general_kernels_render_the_same() {
     let gpu = gpu();

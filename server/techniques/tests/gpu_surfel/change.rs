@@ -69,7 +69,8 @@ fn moved_objects_start_everything_again_as_new_lights_do() {
     assert_ne!(moved, after(Change::Camera), "a camera keeps the cache's means");
 }
 
-/// The first frame, which is all there is while a camera moves, comes as soon as it can; those after it quieten pixels too.
+/// The first frame, which is all there is while a camera moves, comes as soon as it can; those after it quieten pixels
+/// too.
 #[test]
 fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
     let gpu = gpu();
@@ -104,7 +105,8 @@ fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
     assert!(taken.iter().all(|&samples| (4..=16).contains(&samples)), "{taken:?}");
 }
 
-/// What a person sees first on a slow device: few pixels, which surfels made for a larger picture would leave to noisy paths.
+/// What a person sees first on a slow device: few pixels, which surfels made for a larger picture would leave to noisy
+/// paths.
 #[test]
 fn a_small_first_picture_is_lit_by_its_surfels() {
     let gpu = gpu();
@@ -173,7 +175,8 @@ fn a_small_picture_finds_the_fine_surfels_of_a_large_one() {
     let scene = scene(&lit_room(), 0.0);
     let at = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
     let full_size = [192, 144];
-    // Small enough that coarser ones are allowed. Without feedback rays ask for none where they hit: all that come are the pictures.
+    // Small enough that coarser ones are allowed. Without feedback rays ask for none where they hit: all that come are
+    // the pictures.
     let settings = SurfelSettings { radius_pixels: 1.5, feeds_back: false, ..SurfelSettings::BALANCED };
     let mut rig = Rig::new(&gpu, &scene, settings, full_size);
     let mut large = rig.picture();

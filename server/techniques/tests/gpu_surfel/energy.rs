@@ -81,8 +81,8 @@ fn furnaces_are_white_with_few_lights_and_with_many() {
     }
 }
 
-/// Under an even sky guiding cannot help, and must not change the mean of what surfels measure. (Reconstruction weighs values
-/// by variances and has a bound of its own.)
+/// Under an even sky guiding cannot help, and must not change the mean of what surfels measure. (Reconstruction weighs
+/// values by variances and has a bound of its own.)
 #[test]
 fn guided_rays_see_an_even_sky_as_it_is() {
     let gpu = gpu();
@@ -107,7 +107,8 @@ fn guided_rays_see_an_even_sky_as_it_is() {
     }
 }
 
-/// A bright panel that only chance finds: one ray in two hundred or so. It is unlit, so light sampling does not know it.
+/// A bright panel that only chance finds: one ray in two hundred or so. It is unlit, so light sampling does not know
+/// it.
 fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let half = 0.0886; // pi half^2 / (pi 1^2) would be 0.8 %; a square at distance 1.25 subtends half a percent of cosine
     let floor = (vec![[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]], Paint::matte(1.0));

@@ -14,7 +14,8 @@ const LOOKS: [u32; 4] = [1, 2, 4, 16];
 const UNFILTERED: u32 = 128;
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, filters_direct: bool) -> Rig<'a> {
-    // As many rays a pixel as newborn surfels ask for: frames take the samples that they take in a picture of many pixels.
+    // As many rays a pixel as newborn surfels ask for: frames take the samples that they take in a picture of many
+    // pixels.
     let settings = SurfelSettings { filters_direct, settles: false, rays_per_pixel: 8.0, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }

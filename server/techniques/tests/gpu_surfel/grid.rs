@@ -10,8 +10,8 @@ use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [96, 72];
 const IDENTITY: SnapshotIdentity = SnapshotIdentity { scene: [3; 32], lights: [4; 32] };
-// Done at once with what was restored, and new ground is lit without a look at the cache, so that every difference between two pictures
-// is one of the gathers.
+// Done at once with what was restored, and new ground is lit without a look at the cache, so that every difference
+// between two pictures is one of the gathers.
 const SETTINGS: SurfelSettings =
     SurfelSettings { target_error: 0.1, radius_pixels: 3.0, feeds_back: false, ..SurfelSettings::BALANCED };
 
@@ -61,8 +61,8 @@ fn both_grids_find_the_same_light_in_the_same_surfels() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let bytes = filled(&gpu, &scene);
-    // Where the camera was, a step aside, and in the middle of surfels that are too coarse for it. No cell may be so full that it
-    // would be thinned.
+    // Where the camera was, a step aside, and in the middle of surfels that are too coarse for it. No cell may be so
+    // full that it would be thinned.
     for view in [near_view(), side_view(), camera([0.0, -0.5, -2.5], [0.3, -0.9, -3.5])] {
         let (cascades, count) = gathered(&gpu, &scene, &bytes, Grid::Cascades, view);
         let (trapezoidal, same_count) = gathered(&gpu, &scene, &bytes, Grid::Trapezoidal, view);

@@ -53,8 +53,8 @@ fn truth() -> (Vec<f32>, f64) {
     (whole, noise)
 }
 
-/// Each step towards the published scheme loses, and that is worse than none; ours beats the surfels' means while those are
-/// noisy. Later it does not: the bias of the slopes stays, and weighing takes only a part of it away.
+/// Each step towards the published scheme loses, and that is worse than none; ours beats the surfels' means while those
+/// are noisy. Later it does not: the bias of the slopes stays, and weighing takes only a part of it away.
 #[test]
 fn weighed_differences_lower_the_error_and_the_published_scheme_raises_it() {
     const FRAMES: [u32; 3] = [2, 8, 32];

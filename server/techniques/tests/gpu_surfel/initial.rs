@@ -10,8 +10,8 @@ use crate::scenes::{Paint, inside_of_box, scene};
 const SIZE: [u32; 2] = [96, 72];
 const EYE: [f64; 3] = [0.1, -0.2, 0.3];
 
-/// Directions of a cache's surfels from the eye after one frame, in the order of their ids, and the share of pixels that
-/// they cover.
+/// Directions of a cache's surfels from the eye after one frame, in the order of their ids, and the share of pixels
+/// that they cover.
 fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
     let gpu = gpu();
     let scene = scene(&inside_of_box([-1.0; 3], [1.0; 3], Paint { albedo: 0.5, emission: 0.5, is_unlit: false }), 0.0);

@@ -11,8 +11,8 @@ use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 const SMALL: [u32; 2] = [48, 48];
 const LARGE: [u32; 2] = [576, 576];
-// Rays are not served from the cache, so that the surfels of a room do not keep each other in use. The large picture wants more
-// surfels than fit.
+// Rays are not served from the cache, so that the surfels of a room do not keep each other in use. The large picture
+// wants more surfels than fit.
 const SETTINGS: SurfelSettings = SurfelSettings {
     capacity: 65_536,
     radius_pixels: 1.5,

@@ -10,15 +10,16 @@ use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// The camera after so many steps of an orbit, each of about a pixel. It looks down, since lamps in view would be an error of
-/// their own: one sample a pixel hits them or not.
+/// The camera after so many steps of an orbit, each of about a pixel. It looks down, since lamps in view would be an
+/// error of their own: one sample a pixel hits them or not.
 fn orbit(step: u32) -> Camera {
     let angle = f64::from(step) * 0.015;
     camera([1.6 * angle.sin(), 0.6, 1.6 * angle.cos()], [0.0, -0.9, 0.0])
 }
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, reuses_direct: bool) -> Rig<'a> {
-    // The rays that an update of so few pixels traces at least: more than asked for would be a reason to take more samples of them.
+    // The rays that an update of so few pixels traces at least: more than asked for would be a reason to take more
+    // samples of them.
     let settings = SurfelSettings { reuses_direct, rays_per_pixel: 2.0, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
@@ -103,7 +104,8 @@ fn the_first_frame_after_an_edit_of_the_light_is_that_of_a_fresh_start() {
 #[test]
 fn an_edge_that_moves_over_a_bright_wall_leaves_no_ghost() {
     let gpu = gpu();
-    // A dark wall before a bright one, under lamps on both sides of it; small and far, so that there is hardly any noise.
+    // A dark wall before a bright one, under lamps on both sides of it; small and far, so that there is hardly any
+    // noise.
     let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.7));
     faces.push(upright([-0.4, 0.4], [-1.0, 1.0], 0.0, Paint::matte(0.02)));
     faces.push(lamp(0.0, -1.2, 0.02, 400.0));

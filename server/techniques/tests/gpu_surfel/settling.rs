@@ -1,4 +1,5 @@
-//! A picture at rest becomes the path-traced truth, and is never much worse than the better of its two halves on the way.
+//! A picture at rest becomes the path-traced truth, and is never much worse than the better of its two halves on the
+//! way.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
@@ -12,9 +13,9 @@ use crate::rig::{Rig, camera, gpu, tone_mapped_rmse};
 use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
-/// The multiscale estimator never comes to rest and nothing is made of what it says, so that the cache stays a good deal off and
-/// the test need not run long. Rays are those that an update of so few pixels traces at least: more than asked for would be a reason to
-/// take more samples of them.
+/// The multiscale estimator never comes to rest and nothing is made of what it says, so that the cache stays a good
+/// deal off and the test need not run long. Rays are those that an update of so few pixels traces at least: more than
+/// asked for would be a reason to take more samples of them.
 const COARSE: SurfelSettings = SurfelSettings {
     rays_per_pixel: 2.4,
     estimator: Estimator::Multiscale,

@@ -31,8 +31,8 @@ fn applied(rig: &Rig<'_>, picture: &dyn Technique, camera: Camera, apply: Apply)
     rig.read(&buffer)[..pixels].to_vec()
 }
 
-/// Of the pixels that a gather trusts: the share that `other` trusts too, and among those the share whose B differs by more
-/// than 0.1 %, and the mean of the relative differences.
+/// Of the pixels that a gather trusts: the share that `other` trusts too, and among those the share whose B differs by
+/// more than 0.1 %, and the mean of the relative differences.
 fn compare(gathered: &[[f32; 4]], other: &[[f32; 4]]) -> [f64; 3] {
     let trusted: Vec<_> = gathered.iter().zip(other).filter(|(a, _)| a[3] > TRUSTED).collect();
     assert!(trusted.len() > gathered.len() / 4, "{} trusted pixels", trusted.len());

@@ -26,8 +26,8 @@ const EVEN_GUIDING: u32 = 0x8080_8080;
 const OPEN_SPACE: u32 = 0x4400_4000;
 
 impl SurfelCache {
-    /// A cache that holds exactly these surfels, with their light, inserted into the grid and ready to be applied. Their levels
-    /// are computed here from their radii.
+    /// A cache that holds exactly these surfels, with their light, inserted into the grid and ready to be applied.
+    /// Their levels are computed here from their radii.
     pub fn filled(
         gpu: &Gpu,
         scene: &SceneBuffers,

@@ -6,7 +6,8 @@ use super::cameras::CacheCamera;
 
 /// Radii of a surfel that a cell of the trapezoidal grid is wide.
 const CELL_RADII: f32 = 4.0;
-/// Slots of cascades for each surfel: a few surfels share a cell and each overlaps several, so that few cells share a slot.
+/// Slots of cascades for each surfel: a few surfels share a cell and each overlaps several, so that few cells share a
+/// slot.
 const SLOTS_PER_SURFEL: u32 = 8;
 const FEWEST_SLOTS: u32 = 1 << 12;
 /// Cells along a side of the trapezoidal grid's cube.
@@ -34,8 +35,8 @@ impl GridShape {
         Self { slots, cells: 0, slices: 0, center: [0.0; 3], half_edge: 0.0 }
     }
 
-    /// The trapezoidal grid around a camera, out to the far end of the scene, with cells a few radii wide as that camera sees
-    /// them.
+    /// The trapezoidal grid around a camera, out to the far end of the scene, with cells a few radii wide as that
+    /// camera sees them.
     pub(super) fn trapezoidal(camera: CacheCamera, scene_radius: f32, radius_pixels: f32) -> Self {
         let tangent = CELL_RADII * radius_pixels * camera.pixel_size;
         // Across the cube's face lie directions with tangents from -1 to 1.

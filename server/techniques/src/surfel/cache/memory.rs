@@ -209,7 +209,8 @@ fn clear(gpu: &Gpu, buffer: &Buffer) -> Result<(), GpuError> {
     Ok(())
 }
 
-/// The requested capacity as a power of two; without a request one that fits the image and the cache's part of the memory.
+/// The requested capacity as a power of two; without a request one that fits the image and the cache's part of the
+/// memory.
 pub(super) fn capacity_for(gpu: &Gpu, requested: u32, pixel_count: u32) -> u32 {
     let [least, most] = CAPACITY_RANGE;
     if requested > 0 {

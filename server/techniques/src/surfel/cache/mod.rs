@@ -1,8 +1,8 @@
 //! The surfel cache of a session: indirect light on discs over the scene, shared by all views of the session.
 //!
 //! `memory.rs` has the buffers, `cameras.rs` whoever looks at them. The stages of a frame that work on the cache are
-//! `insert.rs` (into the grid), `spawn.rs`, `update.rs` (rays and means) and `neighbours.rs` (reconstruction); `frame.rs`
-//! says in which order they run. Everything is private to this folder except the methods.
+//! `insert.rs` (into the grid), `spawn.rs`, `update.rs` (rays and means) and `neighbours.rs` (reconstruction);
+//! `frame.rs` says in which order they run. Everything is private to this folder except the methods.
 
 mod cameras;
 mod fill;

@@ -1,8 +1,8 @@
 //! Neighbours of surfels, and the reconstruction over them: from what each surfel measured to what is shown.
 //!
-//! Neighbours are joined by edges. Rays reconnected to a neighbour measure the difference along an edge; a local regression
-//! predicts a value from those of the neighbours; the solve weights values and differences by their inverse variances.
-//! Formulas are with the kernels in `shaders/techniques/surfel/kernels/neighbours/`.
+//! Neighbours are joined by edges. Rays reconnected to a neighbour measure the difference along an edge; a local
+//! regression predicts a value from those of the neighbours; the solve weights values and differences by their inverse
+//! variances. Formulas are with the kernels in `shaders/techniques/surfel/kernels/neighbours/`.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, MemoryKind, PassBuilder};
 use surfelcast_passes::kernels::KernelSet;
@@ -185,13 +185,14 @@ struct EdgesBuilt {
     update: u32,
     live: u32,
     next_serial: u32,
-    /// Surfels were recycled since the cache was made: new surfels take their ids, in whose slots edges of others remain.
+    /// Surfels were recycled since the cache was made: new surfels take their ids, in whose slots edges of others
+    /// remain.
     has_reused_ids: bool,
 }
 
 impl EdgesBuilt {
-    /// Whether edges must be rebuilt now, which is then recorded: at once after surfels were recycled, for new ones when
-    /// they are many or have waited for a few updates. Until then a surfel without edges shows its own mean.
+    /// Whether edges must be rebuilt now, which is then recorded: at once after surfels were recycled, for new ones
+    /// when they are many or have waited for a few updates. Until then a surfel without edges shows its own mean.
     fn begin_rebuild_if_due(&mut self, update: u32, live: u32, next_serial: u32) -> bool {
         let new = next_serial.wrapping_sub(self.next_serial);
         let has_recycled = live < self.live.saturating_add(new);
@@ -284,8 +285,8 @@ impl SurfelCache {
         work.bind_scene(pass).uniform("frame", frame).dispatch([uniforms.item_count.div_ceil(64), 1, 1])
     }
 
-    /// From the surfels' means, and the edges' differences where they are measured, to what lookups read; or to slopes alone,
-    /// where light is reconstructed in the image.
+    /// From the surfels' means, and the edges' differences where they are measured, to what lookups read; or to slopes
+    /// alone, where light is reconstructed in the image.
     pub(super) fn record_neighbours(
         &self,
         graph: &mut Graph,
@@ -310,7 +311,8 @@ impl SurfelCache {
         }
         run("neighbours_checkpoint", (0, 1), each)?;
         run("neighbours_moments", (1, 0), each)?;
-        // Only the solve weights values, by a widely pooled variance. An even number of rings leaves the sums in the first pool.
+        // Only the solve weights values, by a widely pooled variance. An even number of rings leaves the sums in the
+        // first pool.
         for ring in 0..if solves { WIDE_RINGS } else { NEAR_RINGS } {
             let from = ring as usize % 2;
             run("neighbours_pool", (from, 1 - from), each)?;

@@ -1,8 +1,8 @@
 //! A cache on disk: written when a session ends, read when the same scene is opened again.
 //!
-//! Layout: magic, version, identity and counts in a fixed header, then the living surfels in the order of their ids, column
-//! by column, compressed with zlib, then a SHA-256 over everything before it. What does not fit is refused, never repaired: a
-//! cache is quickly made anew.
+//! Layout: magic, version, identity and counts in a fixed header, then the living surfels in the order of their ids,
+//! column by column, compressed with zlib, then a SHA-256 over everything before it. What does not fit is refused,
+//! never repaired: a cache is quickly made anew.
 
 use std::io::{Read as _, Write as _};
 

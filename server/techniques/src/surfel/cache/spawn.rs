@@ -13,7 +13,8 @@ use super::SurfelCache;
 use super::work::{Work, count_rays, u32_of};
 use crate::surfel::settings::Initial;
 
-/// Radius in pixels up to which new surfels of fine tiles keep their distance: candidates of adjacent tiles are compared.
+/// Radius in pixels up to which new surfels of fine tiles keep their distance: candidates of adjacent tiles are
+/// compared.
 const FINE_RADIUS: f32 = 6.0;
 /// Rounds of spawning in one frame, at most: a newly visible surface is covered before it is lit.
 const MOST_ROUNDS: u32 = 24;
@@ -47,8 +48,8 @@ struct Tiles {
 }
 
 impl Tiles {
-    /// 4x4 spawn tiles if the requested radius is small and the cache has room for one surfel per tile; else 8x8. With too
-    /// little room, fine tiles would spend it on the image's top rows.
+    /// 4x4 spawn tiles if the requested radius is small and the cache has room for one surfel per tile; else 8x8. With
+    /// too little room, fine tiles would spend it on the image's top rows.
     fn of(size: [u32; 2], radius_pixels: f32, room: u32) -> Self {
         let tiles = |side: u32, are_fine| {
             let [columns, rows] = size.map(|pixels| pixels.div_ceil(side));
@@ -72,8 +73,8 @@ struct Accepted {
 }
 
 impl SurfelCache {
-    /// Covers what a view sees with surfels, in rounds. Returns the number of surfels that it gained over the number of its
-    /// tiles.
+    /// Covers what a view sees with surfels, in rounds. Returns the number of surfels that it gained over the number of
+    /// its tiles.
     pub(crate) fn spawn(
         &mut self,
         work: &Work<'_>,

@@ -214,8 +214,8 @@ impl SurfelCache {
         range: &RayRange,
     ) -> Result<(), GpuError> {
         if has_few_rays(range.running.count, self.live) {
-            // A nearly converged cache spawns no surfels at ray hits: they would request rays, whose hits would spawn more,
-            // and it would never converge.
+            // A nearly converged cache spawns no surfels at ray hits: they would request rays, whose hits would spawn
+            // more, and it would never converge.
             self.memory.withdraw_hit_candidates(graph)?;
         }
         self.pass(graph, work.kernels, "surfel_integrate", &range.uniforms)?.dispatch(workgroups_of(self.live))
@@ -237,7 +237,8 @@ impl SurfelCache {
         Ok(())
     }
 
-    /// Frees surfels that nothing uses. The ticket is for the number of those left; the lists follow only if that changed.
+    /// Frees surfels that nothing uses. The ticket is for the number of those left; the lists follow only if that
+    /// changed.
     pub(crate) fn record_recycling(
         &self,
         graph: &mut Graph,
@@ -250,8 +251,8 @@ impl SurfelCache {
         graph.read_back(&self.memory.values, end..end + 4)
     }
 
-    /// Takes the report of a range: `rays` of [`Self::record_trace`], and `left` of [`Self::record_recycling`] with the last
-    /// one, which ends the update.
+    /// Takes the report of a range: `rays` of [`Self::record_trace`], and `left` of [`Self::record_recycling`] with the
+    /// last one, which ends the update.
     pub(crate) fn end_rays(
         &mut self,
         work: &Work<'_>,
@@ -284,7 +285,8 @@ fn has_few_rays(rays: u32, live: u32) -> bool {
     rays < live / SURFELS_PER_RAY
 }
 
-/// Persistent threads: 16 rays per invocation keep SIMD lanes busy on CPU drivers; on a GPU occupancy matters more, so one.
+/// Persistent threads: 16 rays per invocation keep SIMD lanes busy on CPU drivers; on a GPU occupancy matters more, so
+/// one.
 fn rays_per_thread(gpu: &Gpu) -> u32 {
     if gpu.is_cpu() { 16 } else { 1 }
 }

@@ -1,21 +1,22 @@
-//! What a view spends on a frame: radius of its surfels, rays of an update, samples per pixel, and when it looks for gaps.
-//! No device in it.
+//! What a view spends on a frame: radius of its surfels, rays of an update, samples per pixel, and when it looks for
+//! gaps. No device in it.
 
 use surfelcast_passes::settling::FRAMES_BEFORE;
 use surfelcast_shaders::constants::SURFEL_COARSENESS;
 
 /// Rays of an update, at least: a tiny image still shows a whole scene. And at most.
 const RAY_RANGE: [u32; 2] = [4096, 1 << 22];
-/// Rays of an update for each surfel spawned since the last one, at least. Surfels are denser among the pixels of a small
-/// image, whose rays follow its number of pixels: they would have hardly one each, and pixels would show single paths.
+/// Rays of an update for each surfel spawned since the last one, at least. Surfels are denser among the pixels of a
+/// small image, whose rays follow its number of pixels: they would have hardly one each, and pixels would show single
+/// paths.
 const RAYS_OF_NEW: u32 = 8;
-/// Surfels that a view gains in a frame, over its tiles, from which it drives an update although another view just has; new
-/// surfels come first in it.
+/// Surfels that a view gains in a frame, over its tiles, from which it drives an update although another view just has;
+/// new surfels come first in it.
 const MUCH_GAIN: f32 = 0.1;
 /// Samples per pixel in the first eight frames. A sample costs c = 1/4 of the frame's fixed cost, so variance x time is
-/// least at n = sqrt(share / (1 - share) / c): 2 if half the variance is per-pixel noise. Scaled by sqrt(rays / configured
-/// rays). Later frames take one: the path-traced image has samples of its own by then, and whether pixels or surfels need
-/// more is decided by the settling pass.
+/// least at n = sqrt(share / (1 - share) / c): 2 if half the variance is per-pixel noise. Scaled by sqrt(rays /
+/// configured rays). Later frames take one: the path-traced image has samples of its own by then, and whether pixels or
+/// surfels need more is decided by the settling pass.
 const SAMPLES_OF_FRAME: [f32; FRAMES_BEFORE as usize] = [2.0, 3.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0];
 /// Samples per pixel of one frame, at most.
 const MOST_SAMPLES: f32 = 16.0;
@@ -69,9 +70,9 @@ impl Budget {
         Self { size, full_height, radius_pixels, rays_per_pixel, quiet_frames: 0 }
     }
 
-    /// Surfels are as dense as the full image needs them, so that those of a gesture fit the still after it. An image of less
-    /// than half that size could neither cover itself with as many nor light them: where there are none it requests coarser
-    /// ones, which a larger image refines.
+    /// Surfels are as dense as the full image needs them, so that those of a gesture fit the still after it. An image
+    /// of less than half that size could neither cover itself with as many nor light them: where there are none it
+    /// requests coarser ones, which a larger image refines.
     pub(crate) fn is_coarse(&self) -> bool {
         self.size[1].saturating_mul(2) < self.full_height
     }
@@ -83,8 +84,8 @@ impl Budget {
         self.radius_pixels * coarseness * share
     }
 
-    /// Rays of an update that the view drives, with so many surfels spawned since the last one. Images of a gesture are small
-    /// to be fast, and so are their updates.
+    /// Rays of an update that the view drives, with so many surfels spawned since the last one. Images of a gesture are
+    /// small to be fast, and so are their updates.
     pub(crate) fn rays(&self, new_surfels: u32) -> u32 {
         let [width, height] = self.size;
         let rays = width as f32 * height as f32 * self.rays_per_pixel;
@@ -112,8 +113,8 @@ impl Budget {
     }
 }
 
-/// Samples per pixel of the next frame, from the frames accumulated, the cache rays per pixel traced this frame, and the
-/// configured rays per pixel.
+/// Samples per pixel of the next frame, from the frames accumulated, the cache rays per pixel traced this frame, and
+/// the configured rays per pixel.
 fn samples_of_frame(frames: u32, cache_rays: f32, configured: f32) -> u32 {
     let more = (cache_rays / configured).max(1.0);
     let samples = SAMPLES_OF_FRAME.get(frames as usize).copied().unwrap_or(1.0) * more.sqrt();

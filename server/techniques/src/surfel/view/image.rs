@@ -1,8 +1,8 @@
-//! Reconstruction in the image: a screened Poisson problem over pixels, with the values and slopes that they gather from the
-//! surfels (after Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/kernels/image/`.
+//! Reconstruction in the image: a screened Poisson problem over pixels, with the values and slopes that they gather
+//! from the surfels (after Noack 2022, section 4.8). The kernels are in `shaders/techniques/surfel/kernels/image/`.
 //!
-//! Values and differences are means over the image's samples, so each solve serves all of them. Only the change that a solve
-//! makes to the irradiance is added to the image; pixels without surfels keep their value.
+//! Values and differences are means over the image's samples, so each solve serves all of them. Only the change that a
+//! solve makes to the irradiance is added to the image; pixels without surfels keep their value.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_passes::poisson::{PoissonProblem, PoissonSettings, PoissonSolver};

@@ -1,4 +1,5 @@
-//! Surfels drawn onto the image instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways, to compare them.
+//! Surfels drawn onto the image instead of gathered by its pixels, as in Noack 2022 (5.9); and both ways, to compare
+//! them.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime, Target};
 use surfelcast_passes::frame::FrameView;
@@ -68,8 +69,8 @@ impl Splat {
 }
 
 impl SurfelCache {
-    /// Irradiance over pi (rgb) and the trust in it (w) at each visible point, `vec4f` by pixel, as a frame of `seed` would
-    /// apply the cache; and the passes with their times: visibility, drawing where there is any, applying.
+    /// Irradiance over pi (rgb) and the trust in it (w) at each visible point, `vec4f` by pixel, as a frame of `seed`
+    /// would apply the cache; and the passes with their times: visibility, drawing where there is any, applying.
     #[allow(clippy::too_many_arguments, reason = "scene, lights and view are separate owners")]
     pub fn apply(
         &mut self,
