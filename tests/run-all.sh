@@ -11,7 +11,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 target=${CARGO_TARGET_DIR:-target}
 logs=$target/test-logs
-junit=$target/nextest/default/junit.xml
+# nextest keeps its own folder in the workspace.
+junit=target/nextest/default/junit.xml
 rm -rf "$logs" "$junit"
 mkdir -p "$logs"
 passed=0
