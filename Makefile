@@ -1,5 +1,5 @@
-# Every command a person or a machine runs on this project. `make serve` and `make test` need nothing but a clone and Rust
-# (and Node, for the tests): they install what is missing, or say what to install.
+# Every command that a user or a build server runs on this project. `make serve` and `make test` need nothing but a clone
+# and Rust (and Node, for the tests): they install what is missing, or say what to install.
 #
 # Why it is built the way it is:
 # - One profile, release, for serving, testing and measuring: path tracing on a software GPU is far too slow otherwise,

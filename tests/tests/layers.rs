@@ -130,7 +130,7 @@ const WALLS: &[(&str, &[&str], &str)] = &[
     ("naga", &["shaders", "gpu"], "reflection is the shaders' business, pipelines the GPU's"),
     ("axum", &["service"], "one room speaks HTTP"),
     ("gltf", &["scene"], "one room reads glTF"),
-    ("anyhow", &["app", "bench", "tests"], "libraries name their errors; only the ends may blur them"),
+    ("anyhow", &["tests"], "libraries and programs name their errors; only tests may blur them"),
 ];
 
 /// Rooms without an async runtime: they are called from blocking threads or from the render thread.

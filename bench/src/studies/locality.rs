@@ -96,7 +96,7 @@ impl Measured for Row {
 struct Locality {
     /// Pairs of neighbouring pixels that show different surfels.
     pairs: usize,
-    /// Median difference of the ids of such pairs.
+    /// Median difference of ids over these pairs.
     distance: u32,
     /// Cache lines per surfel that a tile shows: 1 if no two share a line, 0.25 at best.
     lines: f64,

@@ -195,7 +195,7 @@ impl Case {
             .ok_or_else(|| {
                 let known: Vec<_> = references.iter().map(|one| one.name.as_str()).collect();
                 Failure::input(format!(
-                    "--scene {name}: there is no such reference and no {} reference of such a scene; there are {}",
+                    "--scene {name}: there is no reference and no scene with a {} reference of that name; there are {}",
                     mode_name(mode),
                     known.join(", ")
                 ))
