@@ -1,11 +1,11 @@
-//! Structural switches from what is in the scene. The one place that decides them.
+//! Feature switches of kernels, derived from the content of the scene. Nothing else derives them.
 
 use surfelcast_scene::SceneSummary;
 use surfelcast_shaders::Features;
 
 use crate::materials::MaterialMode;
 
-/// Switches a picture of this scene needs.
+/// Switches that an image of this scene needs.
 pub fn features_for(
     summary: &SceneSummary,
     materials: MaterialMode,
@@ -32,12 +32,12 @@ pub fn features_for(
 
 /// The variant that serves any scene with these materials.
 pub fn general_features(materials: MaterialMode, is_split: bool) -> Features {
-    // A technique chooses its form of kernels whatever the scene.
+    // The alternate form of a kernel is chosen by the technique, not by the scene.
     let any_scene = Features::ALL.with(Features::ALTERNATE, false);
     any_scene.with(Features::PBR, materials == MaterialMode::Pbr).with(Features::SPLIT, is_split)
 }
 
-/// Parts of the kernels that were left out, with the reason, for the statistics.
+/// Parts that are compiled out of the kernels, with the reason, for the statistics.
 pub fn skipped_parts(features: Features) -> Vec<(&'static str, &'static str)> {
     const REASONS: [(Features, &str, &str); 9] = [
         (Features::INSTANCES, "top_level_traversal", "all geometry is in one hierarchy"),

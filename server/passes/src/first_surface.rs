@@ -1,4 +1,4 @@
-//! What the ray through each pixel's centre meets first.
+//! The first surface on the ray through each pixel's centre.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind, PassTime};
 use surfelcast_shaders::layout::bytemuck;
@@ -9,7 +9,7 @@ use crate::lights::LightBuffers;
 use crate::materials::MaterialMode;
 use crate::upload::SceneBuffers;
 
-/// Output of the pass; numbers are those of the kernel.
+/// Output of the pass; the numbers are those of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum FirstSurfaceOutput {
@@ -47,7 +47,7 @@ pub fn first_surface_for_screen(
             let local = [world[0] - scene.origin.x, world[1] - scene.origin.y, world[2] - scene.origin.z];
             local.map(|v| (v / radius * 0.5 + 0.5) as f32)
         }
-        // Neighbouring numbers get colours far apart.
+        // A hash, so that neighbouring numbers get different colours.
         FirstSurfaceOutput::Instance => {
             let hash = (x as u32).wrapping_mul(0x9e37_79b1);
             if x == 0.0 {

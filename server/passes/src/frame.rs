@@ -8,11 +8,11 @@ use surfelcast_shaders::records::FrameUniforms;
 use crate::lights::LightBuffers;
 use crate::upload::SceneBuffers;
 
-/// Bounces after which a path is cut. Roulette ends nearly all long before; the bound keeps a dispatch finite between
-/// perfectly white walls.
+/// Bounces after which a path is terminated. Russian roulette ends nearly all paths long before; the bound keeps a
+/// dispatch finite between perfectly white walls.
 pub const MAXIMUM_BOUNCES: u32 = 1024;
 
-/// What one picture looks at.
+/// What one image shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameView {
     /// Camera, world space.
@@ -24,7 +24,7 @@ pub struct FrameView {
 }
 
 impl FrameView {
-    /// Uniforms of a dispatch of a kernel's variant over all pixels and no samples; callers fill in the range.
+    /// Uniforms of a dispatch over all pixels and no samples; the caller fills in the range.
     pub fn uniforms(
         &self,
         scene: &SceneBuffers,

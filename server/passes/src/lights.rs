@@ -1,4 +1,4 @@
-//! The light table: which light a path vertex asks, by power.
+//! The light table: path vertices choose a light to sample in proportion to its power.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_scene::lights::AliasTable;
@@ -6,7 +6,8 @@ use surfelcast_scene::{Environment, EnvironmentMap, LightState, PunctualKind, Pu
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{AliasEntry, PunctualRecord};
 
-/// Share of the choice that is uniform over all lights, so that no light is starved by a brighter one far away.
+/// Share of the probability that is uniform over all lights, so that a light is still sampled next to a much brighter
+/// one.
 const UNIFORM_SHARE: f32 = 0.1;
 
 /// Lights in device memory, one set for each session.
@@ -86,7 +87,7 @@ fn light_weights(scene: &Scene, state: &LightState) -> (Vec<f32>, u32) {
         }
     }));
     let mut environment_count = 0;
-    // A constant environment is left to scattering, which finds every direction of it with a fitting density.
+    // A constant environment is sampled by scattering alone, whose density fits it.
     if let Environment::Map(map) = &scene.environment {
         environment_count = 1;
         let mean = mean_environment_luminance(map);
@@ -108,8 +109,8 @@ fn light_weights(scene: &Scene, state: &LightState) -> (Vec<f32>, u32) {
     (weights, environment_count)
 }
 
-/// Power overstates what comes from infinitely far: indoors nearly all of it is shut out. So such lights together are
-/// chosen at most as often as all others together.
+/// Power overestimates infinitely distant lights, which are mostly occluded indoors. So such lights together are chosen
+/// at most as often as all others together.
 fn balance(weights: &mut [f32], is_infinite: impl Fn(usize) -> bool) {
     let sum = |wanted: bool| {
         let chosen = weights.iter().enumerate().filter(|(index, _)| is_infinite(*index) == wanted);
@@ -132,8 +133,8 @@ fn punctual_record(light: &PunctualLight) -> PunctualRecord {
         PunctualKind::Spot { inner_angle, outer_angle } => (1, inner_angle, outer_angle),
         PunctualKind::Directional => (2, 0.0, 0.0),
     };
-    // KHR_lights_punctual: squared linear ramp of the cosine between the cones. The outer edge is kept off the inner
-    // one so that the scale stays finite.
+    // KHR_lights_punctual: squared linear ramp of the cosine between the cones. A minimal difference of the cosines
+    // keeps the scale finite.
     let (inner_cos, outer_cos) = (f32::cos(inner), f32::cos(outer));
     let cone_scale = 1.0 / (inner_cos - outer_cos).max(1e-4);
     PunctualRecord {
@@ -162,7 +163,7 @@ fn mean_environment_luminance(map: &EnvironmentMap) -> f32 {
 }
 
 /// Weight of each texel: the brightest of its neighbourhood times its solid angle. The look-up is bilinear, so a dark
-/// texel beside a bright one still receives its light and must not have density 0.
+/// texel next to a bright one still receives its light and must not have density 0.
 pub(crate) fn environment_weights(map: &EnvironmentMap) -> Vec<f32> {
     let (width, height) = (map.width as usize, map.height as usize);
     let lum = |x: usize, y: usize| luminance(map.radiance[y * width + x]);
@@ -203,7 +204,7 @@ mod tests {
     use super::balance;
 
     #[test]
-    fn what_is_infinitely_far_takes_half_at_most() {
+    fn infinitely_distant_lights_take_half_at_most() {
         let mut weights = [1.0, 3.0, 90.0, 10.0];
         balance(&mut weights, |index| index >= 2);
         assert_eq!(weights[..2], [1.0, 3.0]);

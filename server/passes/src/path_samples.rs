@@ -22,11 +22,11 @@ pub const KERNEL: &str = "path_trace";
 pub struct PathSamples {
     kernels: KernelSet,
     seed: u64,
-    /// `vec4f` a pixel: mean radiance, sum of squared deviations of the samples' luminance. Lives as long as its owner.
+    /// `vec4f` by pixel: mean radiance, sum of squared deviations of the samples' luminance.
     accumulation: Buffer,
     /// Rays by kind and samples that were not finite, of one dispatch.
     counters: Buffer,
-    /// `vec4f` a pixel each: light that bounced at most once, and irradiance over pi. Only where requested.
+    /// `vec4f` by pixel each: light that bounced at most once, and irradiance over pi. Only where requested.
     split: Option<(Buffer, Buffer)>,
     batches: Batches,
 }
@@ -92,11 +92,11 @@ impl PathSamples {
     }
 
     /// Mean radiance (rgb) and squared deviations (w) by pixel.
-    pub const fn picture(&self) -> &Buffer {
+    pub const fn image(&self) -> &Buffer {
         &self.accumulation
     }
 
-    /// Samples a pixel in whole batches.
+    /// Samples per pixel in whole batches.
     pub const fn count(&self) -> u32 {
         self.batches.samples()
     }

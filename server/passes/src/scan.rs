@@ -1,5 +1,4 @@
-//! Exclusive prefix sums of `u32`, in place: places in a list without counting arrivals, so that the order is always
-//! the same.
+//! Exclusive prefix sums of `u32`, in place: positions in a list without atomics, so that the order is always the same.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind};
 use surfelcast_shaders::Features;
@@ -7,7 +6,7 @@ use surfelcast_shaders::constants::SCAN_BLOCK;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::ScanUniforms;
 
-/// The kernels, and room for the sums of blocks of as many values as it was made for.
+/// Kernels, and a buffer for the sums of blocks of a given number of values.
 #[derive(Debug)]
 pub struct Scan {
     blocks: Kernel,
@@ -17,7 +16,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// For up to so many values.
+    /// For up to `largest_count` values.
     pub fn new(gpu: &Gpu, largest_count: u32) -> Result<Self, GpuError> {
         Ok(Self {
             blocks: gpu.kernel("scan_blocks", Features::NONE)?,
@@ -27,7 +26,7 @@ impl Scan {
         })
     }
 
-    /// Whether it was made for so many values.
+    /// Whether it was made for `count` values.
     pub fn holds(&self, count: u32) -> bool {
         sums_bytes(count) <= self.sums.size_bytes()
     }

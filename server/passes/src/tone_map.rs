@@ -5,10 +5,10 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::ToneMapUniforms;
 
-/// Display pixels of a picture, RGBA8 with red first, and the pass that made them.
+/// Display pixels of an image, RGBA8 with red first, and the time of the pass.
 pub fn tone_map(
     gpu: &Gpu,
-    picture: &Buffer,
+    image: &Buffer,
     pixel_count: u32,
     exposure: f32,
 ) -> Result<(Vec<u8>, Vec<PassTime>), GpuError> {
@@ -19,7 +19,7 @@ pub fn tone_map(
     graph
         .pass(&kernel)
         .uniform("display", bytemuck::bytes_of(&uniforms))
-        .bind("accumulation", picture)
+        .bind("accumulation", image)
         .bind("display_pixels", &pixels)
         .dispatch(super::workgroups_of(pixel_count))?;
     let ticket = graph.read_back(&pixels, 0..u64::from(pixel_count) * 4)?;

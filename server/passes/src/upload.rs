@@ -13,7 +13,7 @@ use surfelcast_shaders::records::{
 /// No texture, no light.
 const NO_INDEX: u32 = u32::MAX;
 
-/// Buffers of a scene. Names are those of `lib/scene/bindings.wesl`.
+/// Buffers of a scene, named as in `lib/scene/bindings.wesl`.
 #[derive(Debug)]
 pub struct SceneBuffers {
     /// World position of scene space's origin.
@@ -66,7 +66,7 @@ impl Uploader<'_> {
 }
 
 impl SceneBuffers {
-    /// Device bytes a scene will take, for admission before anything is made.
+    /// Device bytes that a scene will take, for admission before anything is allocated.
     pub fn estimate_bytes(scene: &Scene) -> u64 {
         let geometry = &scene.geometry;
         let environment = match &scene.environment {
@@ -154,13 +154,13 @@ impl SceneBuffers {
         })
     }
 
-    /// Numbers of triangles and of instances: what surfels and the like can be attached to.
+    /// Numbers of triangles and of instances, for the validation of attachments to them.
     pub fn attachment_counts(&self) -> [u32; 2] {
         let count = |buffer: &Buffer, bytes_each: usize| (buffer.size_bytes() / bytes_each as u64) as u32;
         [count(&self.bvh_triangles, size_of::<BvhTriangle>()), count(&self.instances, size_of::<InstanceRecord>())]
     }
 
-    /// Where a kernel's variant starts to traverse.
+    /// Root at which a kernel's variant starts to traverse.
     pub(crate) fn traversal_root(&self, features: Features) -> u32 {
         if features.contains(Features::INSTANCES) { self.top_root } else { self.first_root }
     }

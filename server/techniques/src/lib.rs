@@ -1,7 +1,7 @@
 //! Rendering techniques. The passes that they share are in the crate `surfelcast-passes`.
 //!
 //! Each technique is one folder and one line in [`registry`]. A technique records passes into a frame graph;
-//! it owns its history and says what of it survives a change.
+//! it owns its history and decides what of it survives a change.
 
 pub mod gradient;
 pub mod path;

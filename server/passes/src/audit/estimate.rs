@@ -1,20 +1,20 @@
-//! What the audit's samples say of the picture's error: an unbiased estimate, how sure it is, and an interval.
+//! The estimate of an audit: mean squared error, its standard error, and an interval.
 //!
-//! **The tone map is bent**, so the tone-mapped mean of few samples is off by about `t'' var / 2`, always downwards.
-//! Were that left in, a picture much better than the audit's samples would look worse than it is: by the square of that
-//! amount. So each half is made of lanes, and the jackknife over them (Quenouille 1956) takes the first order away: `L
-//! t(mean) - (L - 1) mean of t (mean without a lane)`. What remains falls with the square of the samples and enters the
-//! product squared once more.
+//! **The tone map is non-linear**, so the tone-mapped mean of few samples has the bias `t'' var / 2`, which is always
+//! negative. An image much better than the audit's samples would seem to have the square of that bias as its error. So
+//! each half consists of lanes, and a jackknife over them (Quenouille 1956) removes the first-order bias: L times the
+//! tone map of the mean, minus L - 1 times the mean tone map of means without one lane. What remains falls with the
+//! square of the number of samples, and enters the product squared once more.
 //!
-//! **All splits are used.** Which lanes make half a and which half b is arbitrary. The mean over the 15 splits of 16
-//! streams that the Walsh functions name parts each pair of streams equally often, so it is what the mean over all
-//! pairs would be: the noise of a product of halves falls by half at no further ray.
+//! **All splits are used.** Which lanes form half a and which half b is arbitrary. The 15 splits of 16 streams by the
+//! Walsh functions separate each pair of streams equally often, so their mean equals the mean over all pairs, and the
+//! noise of a product of halves falls by half at no further ray.
 //!
-//! **Errors are skewed**: squares of noise, most of them small. The mean of a sample with few large ones comes out low
-//! together with its own standard error, and an interval of plain standard errors misses the truth above it too often.
-//! Hall's (1992) transformation takes the skewness out of the studentised mean; its inverse widens the interval
-//! upwards. The more a few values carry, the less is known of the standard error itself: Student's t stands for the
-//! normal distribution, with the degrees of freedom that the kurtosis leaves (Satterthwaite 1946).
+//! **Errors are skewed**: squares of noise, most of them small. The mean of a sample with few large ones is often too
+//! low, together with its own standard error, and an interval of plain standard errors then lies below the truth too
+//! often. Hall's (1992) transformation removes the skewness of the studentised mean; its inverse widens the interval
+//! upwards. The fewer values dominate, the less certain is the standard error itself: Student's t replaces the normal
+//! distribution, with the degrees of freedom that the kurtosis leaves (Satterthwaite 1946).
 
 use super::AuditResult;
 use super::pixels::AuditPixel;
@@ -26,15 +26,15 @@ const HALF: usize = STREAMS / 2;
 /// 95th percentile of the normal distribution: a twentieth of the cases on either side of an interval.
 const Z: f64 = 1.644_853_6;
 
-/// What an audit has to judge by.
+/// Input of the estimate.
 pub(super) struct Evidence<'a> {
     /// Audited pixels.
     pub(super) pixels: &'a [AuditPixel],
-    /// The picture there, with each pixel's predicted squared error.
+    /// Shown radiance of each audited pixel, and its predicted squared error.
     pub(super) values: &'a [[f32; 4]],
-    /// Mean radiance of each stream, pixel by pixel.
+    /// Mean radiance of each stream of each pixel.
     pub(super) means: &'a [[f32; 4]],
-    /// Mean of the prediction over the whole picture.
+    /// Mean of the prediction over the whole image.
     pub(super) predicted: f64,
     /// Linear factor before the tone map.
     pub(super) exposure: f32,
@@ -52,7 +52,7 @@ fn sum(values: impl Iterator<Item = Rgb>) -> Rgb {
     values.fold([0.0; 3], |sum, value| [sum[0] + value[0], sum[1] + value[1], sum[2] + value[2]])
 }
 
-/// Tone-mapped mean of a half, less what the bend of the tone map makes of its noise.
+/// Tone-mapped mean of a half, without the first-order bias of the tone map.
 fn tone_map_of_mean(lanes: &[Rgb; HALF], exposure: f64) -> Rgb {
     let count = HALF as f64;
     let total = sum(lanes.iter().copied());
@@ -124,19 +124,19 @@ pub(super) fn evaluate(evidence: &Evidence<'_>, result: &mut AuditResult) {
     result.mse_std_error = found.std_error;
     let seen = mse.max(0.0);
     result.rmse_tonemapped = seen.sqrt();
-    // As far as one standard error of the mean square takes the root; where the error is smaller than the audit can
-    // see, that is all that is known.
+    // Change of the root over one standard error of the mean square. Where the error is too small for the audit,
+    // nothing else is known.
     result.std_error = (seen + found.std_error).sqrt() - seen.sqrt();
     result.rmse_interval = interval(mse, &found);
     result.bound = result.rmse_interval[1].max(evidence.predicted.max(0.0).sqrt());
     result.rel_mse = (relative / count).max(0.0);
 }
 
-/// Weighted mean, and what is known of its distribution.
+/// Weighted mean, and moments of its distribution.
 struct Moments {
     mean: f64,
     std_error: f64,
-    /// Of the mean: that of the values over the root of their count.
+    /// Of the mean: the standard deviation of the values over the root of their count.
     skewness: f64,
     /// Degrees of freedom of the standard error.
     freedom: f64,
@@ -147,7 +147,7 @@ fn moments(values: &[(f64, f64)]) -> Moments {
     let mean = values.iter().map(|(weight, value)| weight * value).sum::<f64>() / count;
     let central =
         |power| values.iter().map(|(weight, value)| (weight * (value - mean)).powi(power)).sum::<f64>() / count;
-    // Cells are strata: their scatter is at most that of the whole, so this errs to the safe side.
+    // Cells are strata: their variance is at most that of the whole, so this is conservative.
     let variance = central(2) * count / (count - 1.0).max(1.0);
     let (skewness, kurtosis) =
         if variance > 0.0 { (central(3) / variance.powf(1.5), central(4) / variance.powi(2)) } else { (0.0, 3.0) };
@@ -159,7 +159,7 @@ fn moments(values: &[(f64, f64)]) -> Moments {
     }
 }
 
-/// Quantile of Student's t where the normal distribution has `z` (Abramowitz & Stegun 26.7.5).
+/// Quantile of Student's t distribution for the normal quantile `z` (Abramowitz & Stegun 26.7.5).
 fn student(z: f64, freedom: f64) -> f64 {
     let first = (z.powi(3) + z) / 4.0;
     let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
@@ -174,7 +174,7 @@ fn interval(mse: f64, found: &Moments) -> [f64; 2] {
         let t = student(z, found.freedom);
         if skewness.abs() < 1e-6 { t } else { 3.0 / skewness * ((1.0 + skewness * (t - skewness / 6.0)).cbrt() - 1.0) }
     };
-    // An error has no negative square; where the whole interval lies below 0, no more is known than its scale.
+    // A squared error is not negative; where the whole interval lies below 0, only its scale is known.
     let low = (mse - found.std_error * quantile(Z)).max(0.0);
     let high = (mse - found.std_error * quantile(-Z)).max(found.std_error);
     [low.sqrt(), high.sqrt()]
@@ -193,7 +193,7 @@ mod tests {
             (self.0 >> 11) as f64 / (1u64 << 53) as f64
         }
 
-        /// Exponential with that mean: skewed, as light is.
+        /// Exponential with this mean: skewed, as light is.
         fn exponential(&mut self, mean: f64) -> f64 {
             -mean * (1.0 - self.next()).ln()
         }
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_see_bias_and_not_their_own_noise() {
+    fn halves_measure_bias_and_not_their_own_noise() {
         let mut random = Random(1);
         let means: Vec<_> = (0..1000 * STREAMS).map(|_| [(0.5 + 0.02 * random.normal()) as f32; 4]).collect();
         let result = judged(0.6, &means, 0.0);
@@ -224,9 +224,9 @@ mod tests {
     }
 
     #[test]
-    fn the_bend_of_the_tone_map_does_not_show() {
-        // The picture is the truth, streams are single samples of an exponential: without the jackknife the audit sees
-        // an RMSE of 0.0098 that comes of its own noise alone, seven standard errors from none.
+    fn the_jackknife_removes_the_bias_of_the_tone_map() {
+        // The image is the truth, streams are single samples of an exponential: without the jackknife the audit
+        // measures an RMSE of 0.0098 from its own noise alone, seven standard errors from 0.
         let mut random = Random(2);
         let means: Vec<_> = (0..100_000 * STREAMS).map(|_| [random.exponential(0.5) as f32; 4]).collect();
         let result = judged(0.5, &means, 0.0);
@@ -235,8 +235,8 @@ mod tests {
     }
 
     #[test]
-    fn splits_amount_to_all_pairs() {
-        // Far below 1 the tone map is straight, and the mean over pairs of streams is what the splits must give.
+    fn splits_equal_the_mean_over_all_pairs() {
+        // Far below 1 the tone map is linear, and the splits must give the mean over pairs of streams.
         let mut random = Random(3);
         let streams: [Rgb; STREAMS] = std::array::from_fn(|_| [1e-6 * random.next(); 3]);
         let shown = 4e-7;
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_hold_the_mean_of_what_is_skewed() {
+    fn intervals_contain_the_mean_of_skewed_values() {
         // Squares of normal noise whose scale differs from pixel to pixel, as errors are.
         let mut random = Random(4);
         let (trials, count) = (4000, 256);
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_says_something_whatever_was_found() {
+    fn an_interval_is_finite_and_ordered_whatever_was_found() {
         for (mse, std_error, skewness) in
             [(-1.0, 0.1, 0.0), (-1.0, 0.1, 1.0), (1e-4, 1e-4, 1.0), (1e-4, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.5, -0.9)]
         {

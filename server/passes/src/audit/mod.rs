@@ -1,16 +1,16 @@
-//! The error audit: how far the shown picture is from the truth, bias included.
+//! The error audit: how far the shown image is from the truth, bias included.
 //!
 //! For a sparse random set of pixels independent unbiased estimates are drawn, in streams that share no random number.
 //! The streams are split into halves a and b. With t the tone map of the metric, `(t(x) - t(a)) (t(x) - t(b))` has the
 //! squared error of the shown value x as its expectation, since the noise of a and b is independent and cancels.
-//! `estimate.rs` says what is made of the streams so that this holds in spite of the bent tone map.
+//! `estimate.rs` keeps this true although the tone map is non-linear.
 //!
 //! A few pixels (edges of lamps, caustics) may carry most of the error, and a sparse set misses most of them. So each
-//! pixel's error is also *predicted* from the scatter of its samples, which costs no ray, over the whole picture; the
+//! pixel's error is also *predicted* from its sample variance, which costs no ray, over the whole image; the
 //! audited pixels then correct the prediction: `mean(all predicted) + mean(audited - predicted)`. That is unbiased
-//! whatever the prediction is worth, and its noise is that of the correction alone.
+//! however poor the prediction is, and its noise is that of the correction alone.
 //!
-//! The pixels are stratified (`pixels.rs`). Audit samples never feed the picture.
+//! The pixels are stratified (`pixels.rs`). Audit samples never enter the image.
 
 mod estimate;
 mod pixels;
@@ -31,13 +31,13 @@ use crate::upload::SceneBuffers;
 const LANES: u32 = STREAMS as u32 / 2;
 /// Paths of one submission, so that none holds the device for long.
 const MAX_PATHS: u32 = 1 << 16;
-/// Share of the picture's samples a pixel that each half takes: of a picture whose error is the noise of its samples,
-/// no other share tells more at as many rays.
+/// Samples of each half over the samples per pixel of the image: for an image whose error is the noise of its samples,
+/// no other share gives a more accurate estimate at as many rays.
 const SAMPLE_SHARE: f32 = 0.5;
-/// Keeps the audit's random numbers apart from the picture's.
+/// Keeps the audit's random numbers apart from those of the image.
 const SEED_SALT: u64 = 0x5af3_17c9_b0d2_6e41;
 
-/// Audit of one picture. Lives as long as camera and lights stand still.
+/// Audit of one image, as long as camera and lights do not change.
 #[derive(Debug)]
 pub struct Audit {
     pixels: Vec<AuditPixel>,
@@ -47,7 +47,7 @@ pub struct Audit {
     predict: Kernel,
     pixel_list: Buffer,
     lane_means: Buffer,
-    picture_values: Buffer,
+    image_values: Buffer,
     predicted_sums: Buffer,
     counters: Buffer,
     lane_samples: u32,
@@ -57,8 +57,8 @@ pub struct Audit {
 /// What an audit found.
 #[derive(Clone, Debug, Default)]
 pub struct AuditResult {
-    /// Mean squared error after the tone map. Unbiased, and so below 0 by chance where the error is smaller than the
-    /// audit can see.
+    /// Mean squared error after the tone map. Unbiased, and so negative by chance where the error is below the noise of
+    /// the audit.
     pub mse: f64,
     /// Standard error of `mse`.
     pub mse_std_error: f64,
@@ -66,11 +66,11 @@ pub struct AuditResult {
     pub rmse_tonemapped: f64,
     /// Standard error of `rmse_tonemapped`.
     pub std_error: f64,
-    /// Ends of the interval that holds the true RMSE in nine cases of ten.
+    /// Ends of the interval that contains the true RMSE in nine cases of ten.
     pub rmse_interval: [f64; 2],
-    /// What the error is very probably below: the upper end of the interval, and no less than the scatter of the
-    /// samples predicts. A render to a stated error stops on it, and not on less: it looks many times and takes the
-    /// first audit that passes, so audits that came out low by chance are the ones that end renders.
+    /// Bound that the error is very probably below: the upper end of the interval, and at least the prediction from the
+    /// sample variance. A render to an error goal stops on it: the render is audited many times and ends at the first
+    /// audit that passes, which is likely to be one that is low by chance.
     pub bound: f64,
     /// Mean squared error relative to `r^2 + 0.01 mean(r)^2`.
     pub rel_mse: f64,
@@ -83,7 +83,8 @@ pub struct AuditResult {
 }
 
 impl Audit {
-    /// Whether the kernels are compiled, so that [`Audit::new`] does not wait. Asks for them in the background if not.
+    /// Whether the kernels are compiled, so that [`Audit::new`] does not wait. If not, starts to compile them in the
+    /// background.
     pub fn is_ready(gpu: &Gpu, features: Features) -> bool {
         let is_ready = gpu.kernel_if_ready("error_audit", features).is_some();
         if !is_ready {
@@ -92,7 +93,7 @@ impl Audit {
         is_ready
     }
 
-    /// Prepares an audit of a picture of that size.
+    /// Prepares an audit of an image of this size.
     pub fn new(gpu: &Gpu, features: Features, size: [u32; 2], seed: u64) -> Result<Self, GpuError> {
         let pixels = audit_pixels(size, seed ^ SEED_SALT);
         let lanes = pixels.len() as u64 * STREAMS as u64;
@@ -106,7 +107,7 @@ impl Audit {
             predict: gpu.kernel("audit_predict", Features::NONE)?,
             pixel_list,
             lane_means: gpu.buffer("audit_means", MemoryKind::View, lanes * 16)?,
-            picture_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
+            image_values: gpu.buffer("audit_values", MemoryKind::View, pixels.len() as u64 * 16)?,
             predicted_sums: gpu.buffer("predicted_sums", MemoryKind::View, u64::from(predict_groups(size)) * 4)?,
             counters: counters::buffer(gpu)?,
             pixels,
@@ -120,15 +121,15 @@ impl Audit {
         self.lane_samples = 0;
     }
 
-    /// Audits the picture as it stands, taking first as many audit samples as its sample count asks for.
-    #[allow(clippy::too_many_arguments, reason = "the picture, its scene and its view are separate owners")]
+    /// Audits the image, after taking as many audit samples as its sample count requires.
+    #[allow(clippy::too_many_arguments, reason = "the image, its scene and its view are separate owners")]
     pub fn run(
         &mut self,
         gpu: &Gpu,
         scene: &SceneBuffers,
         lights: &LightBuffers,
         view: &FrameView,
-        picture: &Buffer,
+        image: &Buffer,
         samples: u32,
         exposure: f32,
     ) -> Result<AuditResult, GpuError> {
@@ -144,18 +145,18 @@ impl Audit {
         graph
             .pass(&self.gather)
             .uniform("audit", bytemuck::bytes_of(&uniforms(count)))
-            .bind("accumulation", picture)
+            .bind("accumulation", image)
             .bind("audit_pixels", &self.pixel_list)
-            .bind("audit_values", &self.picture_values)
+            .bind("audit_values", &self.image_values)
             .dispatch([count.div_ceil(64), 1, 1])?;
         let pixel_count = view.size[0] * view.size[1];
         graph
             .pass(&self.predict)
             .uniform("audit", bytemuck::bytes_of(&uniforms(pixel_count)))
-            .bind("accumulation", picture)
+            .bind("accumulation", image)
             .bind("predicted_sums", &self.predicted_sums)
             .dispatch([predict_groups(view.size), 1, 1])?;
-        let values = graph.read_back(&self.picture_values, 0..self.picture_values.size_bytes())?;
+        let values = graph.read_back(&self.image_values, 0..self.image_values.size_bytes())?;
         let means = graph.read_back(&self.lane_means, 0..self.lane_means.size_bytes())?;
         let sums = graph.read_back(&self.predicted_sums, 0..self.predicted_sums.size_bytes())?;
         let mut report = graph.submit()?.wait()?;

@@ -1,23 +1,23 @@
-//! Which pixels are audited: the picture is cut into cells and one pixel is drawn in each.
+//! Which pixels are audited: the image is divided into cells, and one random pixel of each is audited.
 
 /// Audited pixels at most.
 const MAX_PIXELS: u64 = 1024;
-/// And at least, where the picture has so many: fewer could not tell the error of their own scatter.
+/// And at least, if the image has as many: the standard error of fewer would be too uncertain.
 const MIN_PIXELS: u64 = 256;
-/// Pixels of the picture for each audited one, between these bounds.
+/// Pixels of the image for each audited one, between these bounds.
 const CELL_PIXELS: u64 = 32;
 
-/// A pixel that stands for its cell.
+/// A pixel that represents its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AuditPixel {
-    /// Place in the picture, in row order.
+    /// Index in the image, in row order.
     pub(super) index: u32,
     /// Pixels of its cell over those of a mean cell. Cells differ by a row or a column where they do not divide the
-    /// picture.
+    /// image evenly.
     pub(super) weight: f64,
 }
 
-/// One random pixel in each cell of a grid over the picture, in row order.
+/// One random pixel in each cell of a grid over the image, in row order.
 pub(super) fn audit_pixels(size: [u32; 2], seed: u64) -> Vec<AuditPixel> {
     let [width, height] = size.map(u64::from);
     let pixel_count = width * height;
@@ -28,7 +28,7 @@ pub(super) fn audit_pixels(size: [u32; 2], seed: u64) -> Vec<AuditPixel> {
     let mean_cell = pixel_count as f64 / (columns * rows) as f64;
     let mut state = seed;
     let mut random = |below: u64| {
-        // SplitMix64 (Steele et al. 2014): neighbouring seeds share nothing, as they would in a plain xorshift.
+        // SplitMix64 (Steele et al. 2014): unlike with a plain xorshift, neighbouring seeds are uncorrelated.
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = state;
         mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -65,9 +65,9 @@ mod tests {
         assert!(audit_pixels([4096, 1], 3).iter().all(|pixel| pixel.index < 4096));
     }
 
-    /// Each pixel counts as often as every other, in the mean over seeds, whatever the size.
+    /// All pixels have the same mean weight over seeds, whatever the size.
     #[test]
-    fn every_pixel_counts_alike() {
+    fn every_pixel_has_the_same_mean_weight() {
         let size = [25, 23];
         let mut weights = vec![0.0; (size[0] * size[1]) as usize];
         let seeds = 4000;

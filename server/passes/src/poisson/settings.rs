@@ -30,13 +30,13 @@ pub enum Preconditioner {
 pub enum Start {
     /// V itself.
     Value,
-    /// V plus its differences through a signed Gaussian along each axis (Noack 2022, section 5.10), which presumes that
-    /// V is a blurred picture.
+    /// V plus its differences through a signed Gaussian along each axis (Noack 2022, section 5.10), which assumes that
+    /// V is a blurred image.
     SignedGaussian {
         /// Pixels.
         sigma: f32,
     },
-    /// V blurred by a Gaussian, each neighbour corrected by the differences on the way to it: the same idea for any V.
+    /// V blurred by a Gaussian, each neighbour corrected by the differences between: the same idea for any V.
     Gaussian {
         /// Standard deviation, pixels.
         sigma: f32,
@@ -48,8 +48,7 @@ pub enum Start {
 pub enum Norm {
     /// Squares: linear, hence unbiased.
     L2,
-    /// Absolute values, by iteratively reweighted least squares: outliers lose their grip, at the price of a small
-    /// bias.
+    /// Absolute values, by iteratively reweighted least squares: robust against outliers, with a small bias.
     L1 {
         /// Rounds after the first, unweighted one.
         rounds: u32,

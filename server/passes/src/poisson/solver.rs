@@ -1,4 +1,4 @@
-//! The solver at work.
+//! The solver.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Graph, Kernel, MemoryKind, PassBuilder, PassTime};
 use surfelcast_shaders::Features;
@@ -13,11 +13,11 @@ use crate::workgroups_of;
 const COARSEST_PIXELS: u32 = 256;
 /// Pixels times iterations of a submission, so that none holds the device for long; at least one iteration.
 const SUBMISSION_PIXELS: u32 = 1 << 20;
-/// Iterations between two looks at the residual at most.
-const MOST_UNSEEN: u32 = 4;
+/// Iterations between two measurements of the residual, at most.
+const MOST_UNMEASURED: u32 = 4;
 /// Bytes of the solver's scalars: four `vec4f`.
 const SCALAR_BYTES: u64 = 64;
-/// What `poisson_reduce` is told that it sums.
+/// Sums of `poisson_reduce`, by the number that selects them.
 const FIRST_RZ: u32 = 0;
 const CURVATURE: u32 = 1;
 const NEXT_RZ: u32 = 2;
@@ -28,7 +28,7 @@ const SIGNED: u32 = 2;
 /// Share of an L1 scale that is added to the residuals in the first weighted round.
 const L1_SHARE: f32 = 0.05;
 
-/// What is to be solved; see the [module](super) for the buffers.
+/// A problem; see the [module](super) for the buffers.
 #[derive(Clone, Copy, Debug)]
 pub struct PoissonProblem<'a> {
     /// V.
@@ -41,7 +41,7 @@ pub struct PoissonProblem<'a> {
     pub solution: &'a Buffer,
 }
 
-/// What solving took.
+/// Cost and result of a solve.
 #[derive(Clone, Debug, Default)]
 pub struct PoissonReport {
     /// Iterations of all rounds.
@@ -116,8 +116,8 @@ impl Kernels {
     }
 }
 
-/// Solves Poisson problems of one picture size; owns the vectors that takes. Call [`begin`](Self::begin), then
-/// [`advance`](Self::advance) until it says that it is done; [`solve`](Self::solve) does both.
+/// Solves Poisson problems of one image size; owns the vectors. Call [`begin`](Self::begin), then
+/// [`advance`](Self::advance) until it returns true; [`solve`](Self::solve) does both.
 #[derive(Debug)]
 pub struct PoissonSolver {
     settings: PoissonSettings,
@@ -130,13 +130,13 @@ pub struct PoissonSolver {
     /// z and p of conjugate gradients.
     correction: Option<Buffer>,
     directions: Option<Buffer>,
-    /// Coarser grids, the finest of them first; their weights belong to the round in hand.
+    /// Coarser grids, the finest of them first; their weights are those of the current round.
     levels: Vec<Level>,
     /// Weights of an L1 round.
     reweighted: Option<Buffer>,
     partials: Buffer,
     scalars: Buffer,
-    /// Squared norm of the residual of V, in the round in hand.
+    /// Squared norm of the residual of V, in the current round.
     reference: f64,
     /// Rounds done.
     round: u32,
@@ -145,7 +145,7 @@ pub struct PoissonSolver {
 }
 
 impl PoissonSolver {
-    /// For pictures of that size.
+    /// For images of this size.
     pub fn new(gpu: &Gpu, size: [u32; 2], settings: PoissonSettings) -> Result<Self, GpuError> {
         let pixel_bytes = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]) * 16;
         let vector = |label, size| gpu.buffer(label, MemoryKind::View, pixel_bytes(size));
@@ -198,12 +198,12 @@ impl PoissonSolver {
         Ok(self.take_report())
     }
 
-    /// What was done since [`begin`](Self::begin).
+    /// Report since [`begin`](Self::begin).
     pub fn report(&self) -> &PoissonReport {
         &self.report
     }
 
-    /// Hands that out.
+    /// Takes the report.
     pub fn take_report(&mut self) -> PoissonReport {
         std::mem::take(&mut self.report)
     }
@@ -215,11 +215,11 @@ impl PoissonSolver {
         self.begin_round(gpu, problem)
     }
 
-    /// Does so many iterations at most, and at most one submission's; returns whether the problem is solved.
+    /// Runs at most `most` iterations in one submission. Returns whether the problem is solved.
     pub fn advance(&mut self, gpu: &Gpu, problem: &PoissonProblem<'_>, most: u32) -> Result<bool, GpuError> {
         let pixels = self.size[0] * self.size[1];
         let left = self.settings.iterations - self.round_iterations;
-        let count = (SUBMISSION_PIXELS / pixels).clamp(1, MOST_UNSEEN).min(left).min(most.max(1));
+        let count = (SUBMISSION_PIXELS / pixels).clamp(1, MOST_UNMEASURED).min(left).min(most.max(1));
         if self.reference > 0.0 && count > 0 {
             let mut graph = gpu.graph("poisson");
             let done = self.iterate(&mut graph, problem, count)?;
@@ -228,7 +228,7 @@ impl PoissonSolver {
             let norm = self.submit(graph)?;
             self.report.residual = (norm / self.reference).sqrt();
             self.report.history.push((self.report.iterations, self.report.residual));
-            // A residual that is no number will not become one.
+            // A residual that is not a number stays so.
             let goes_on = self.report.residual > f64::from(self.settings.tolerance);
             if goes_on && self.round_iterations < self.settings.iterations {
                 return Ok(false);
@@ -243,9 +243,9 @@ impl PoissonSolver {
         Ok(false)
     }
 
-    /// Residual of the solution as it stands, computed anew, as a share of the residual of V; the one in the
-    /// [report](Self::report) is carried along by conjugate gradients, and goes on falling when `f32` has no more to
-    /// give. Not counted in the report.
+    /// Residual of the present solution, computed from it, as a share of the residual of V. Conjugate gradients update
+    /// the one in the [report](Self::report) recursively, where it keeps falling beyond the precision of `f32`. Not
+    /// counted in the report.
     pub fn true_residual(&self, gpu: &Gpu, problem: &PoissonProblem<'_>) -> Result<f64, GpuError> {
         let mut graph = gpu.graph("poisson_residual");
         let groups = workgroups_of(self.size[0] * self.size[1]);
@@ -268,7 +268,7 @@ impl PoissonSolver {
         Ok((squared_norm(&scalars) / self.reference).sqrt())
     }
 
-    /// Weights of the round in hand.
+    /// Weights of the current round.
     fn weights<'a>(&'a self, problem: &PoissonProblem<'a>) -> &'a Buffer {
         match &self.reweighted {
             Some(reweighted) if self.round > 0 => reweighted,
@@ -298,7 +298,7 @@ impl PoissonSolver {
             .bind("poisson_differences", problem.differences)
             .bind("poisson_right", &self.residual)
             .dispatch(groups)?;
-        // The residual of V is what later ones are compared with, whatever the start.
+        // Later residuals are relative to that of V, whatever the start.
         pass(&mut graph, &self.kernels.measure, size, 0, 0.0)
             .bind("poisson_weights", &weights)
             .bind("poisson_values", problem.value)
@@ -356,7 +356,7 @@ impl PoissonSolver {
         }
     }
 
-    /// Records iterations and a measurement of the residual; returns how many there are.
+    /// Records iterations and a measurement of the residual. Returns the number of iterations.
     fn iterate(&self, graph: &mut Graph, problem: &PoissonProblem<'_>, count: u32) -> Result<u32, GpuError> {
         let weights = self.weights(problem);
         let size = self.size;

@@ -210,7 +210,7 @@ impl Settling {
                 .pass(&gpu.kernel(name, Features::NONE)?)
                 .uniform("settle", uniforms)
                 .bind("accumulation", biased)
-                .bind("path_accumulation", on_device.paths.picture())
+                .bind("path_accumulation", on_device.paths.image())
                 .bind("settle_tile_sums", &on_device.tile_sums)
                 .bind_if_bound("settled", &on_device.blend)
                 .dispatch(workgroups_of(groups))?;

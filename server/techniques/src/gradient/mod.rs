@@ -1,9 +1,9 @@
-//! `gradient`: gradient-domain path tracing (Kettunen et al. 2015). Every path drags along the paths of the four
-//! neighbouring pixels; the differences between them are far less noisy than the values, and a screened Poisson problem
-//! makes one picture of both. Light transport and shifts are described in `shaders/techniques/gradient`.
+//! `gradient`: gradient-domain path tracing (Kettunen et al. 2015). Every path is shifted to the four neighbouring
+//! pixels; the differences are far less noisy than the values, and a screened Poisson problem combines both in one
+//! image. Light transport and shifts are described in `shaders/techniques/gradient`.
 //!
-//! Batches of samples are those of `path`; after each whole batch the picture is reconstructed anew. Weights are the
-//! same everywhere and known beforehand, so the least-squares picture is linear in what was measured, and unbiased.
+//! Batches of samples are those of `path`; after each whole batch the image is reconstructed again. Weights are the
+//! same everywhere and known in advance, so the least-squares image is linear in the measurements, and unbiased.
 
 mod spread;
 
@@ -38,7 +38,7 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     },
 };
 
-/// Registry line of the reconstruction that resists outliers.
+/// Registry line of the reconstruction that is robust against outliers.
 pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
     id: "gradient_l1",
     label: "Gradient domain, robust",
@@ -53,49 +53,49 @@ pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
 
 /// The kernels that depend on the scene's features.
 const KERNELS: &[&str] = &["gradient_trace", "gradient_weights"];
-/// Iterations of a round at most, and the residual that ends it sooner.
+/// Largest number of iterations of a round, and the residual that ends it sooner.
 const ITERATIONS: u32 = 32;
 const TOLERANCE: f32 = 3e-4;
 /// Reweighted rounds of the L1 norm.
 const L1_ROUNDS: u32 = 4;
 
-/// What becomes of values and differences.
+/// How values and differences become an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reconstruction {
     /// A screened Poisson problem in this norm.
     Poisson(Norm),
-    /// The values as they are: path tracing at a higher price, to look at what goes into the reconstruction.
+    /// The values alone: path tracing at a higher cost, to inspect the input of the reconstruction.
     None,
 }
 
-/// What the technique is doing.
+/// What the technique does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Trace,
-    /// The batch is traced; the problem is to be set up.
+    /// Sets up the problem of a traced batch.
     Begin,
-    /// It is being solved.
+    /// Solves it.
     Solve,
 }
 
-/// The technique at work.
+/// A gradient-domain path tracer of one image.
 #[derive(Debug)]
 pub struct GradientTracer {
     options: TechniqueOptions,
     kernels: KernelSet,
     edges: Kernel,
     compose: Kernel,
-    /// `vec4f` a pixel: mean radiance, squared deviation of luminance; the values that are reconstructed.
+    /// `vec4f` by pixel: mean radiance and squared deviation of luminance of the values that are reconstructed.
     accumulation: Buffer,
-    /// The same of light that is seen directly.
+    /// The same for directly visible light.
     seen_means: Buffer,
-    /// Four `vec4f` a pixel: this side's share of the differences to the right, left, below, above.
+    /// Four `vec4f` by pixel: this side's part of the differences to the right, left, below, above.
     shift_means: Buffer,
-    /// The problem: two `vec4f` a pixel, one, and its solution.
+    /// The problem: two `vec4f` by pixel, one, and its solution.
     differences: Buffer,
     weights: Buffer,
     solution: Buffer,
-    /// The reconstruction with the spread of its noise.
+    /// The reconstruction with its noise.
     picture: Buffer,
     counters: Buffer,
     solver: Option<PoissonSolver>,
@@ -104,7 +104,7 @@ pub struct GradientTracer {
 }
 
 impl GradientTracer {
-    /// For one picture.
+    /// For one image.
     pub fn new(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -154,22 +154,22 @@ impl GradientTracer {
         })
     }
 
-    /// Mean radiance by pixel before reconstruction, without light that is seen directly; `vec4f`.
+    /// Mean radiance by pixel before reconstruction, without directly visible light; `vec4f`.
     pub fn values(&self) -> &Buffer {
         &self.accumulation
     }
 
-    /// Mean radiance that is seen directly by pixel; `vec4f`.
+    /// Mean directly visible radiance by pixel; `vec4f`.
     pub fn seen(&self) -> &Buffer {
         &self.seen_means
     }
 
-    /// Measured differences to the right and downwards; two `vec4f` a pixel.
+    /// Measured differences to the right and downwards; two `vec4f` by pixel.
     pub fn differences(&self) -> &Buffer {
         &self.differences
     }
 
-    /// Weights of the reconstruction; `vec4f` a pixel.
+    /// Weights of the reconstruction; `vec4f` by pixel.
     pub fn weights(&self) -> &Buffer {
         &self.weights
     }
@@ -200,7 +200,7 @@ impl GradientTracer {
             .bind("counters", &self.counters)
             .dispatch(groups)?;
         if range.first_sample == 0 {
-            // Once for a camera, piece by piece like the paths.
+            // Once for a camera, in pieces like the paths.
             lights
                 .bind(scene.bind(graph.pass(self.kernels.get(KERNELS[1])?)))
                 .uniform("frame", bytemuck::bytes_of(&range))
@@ -217,7 +217,7 @@ impl GradientTracer {
         Ok(Step { paths, rays: counts.rays, non_finite: counts.non_finite, passes: report.passes, ..Step::default() })
     }
 
-    /// One submission's worth of the reconstruction; returns whether the picture is finished.
+    /// One submission of the reconstruction. Returns whether the image is finished.
     fn reconstruct(&mut self, gpu: &Gpu, exposure: f32, step: &mut Step) -> Result<bool, TechniqueError> {
         if self.phase == Phase::Begin {
             let mut graph = gpu.graph("gradient_edges");
@@ -237,7 +237,7 @@ impl GradientTracer {
                 solution: &self.solution,
             };
             if self.phase == Phase::Begin {
-                // Residuals are small or large by what the viewer sees.
+                // The scale of residuals is that of the shown image.
                 solver.set_scale(1.0 / exposure.max(1e-6));
                 solver.begin(gpu, &problem)?;
                 self.phase = Phase::Solve;
@@ -252,9 +252,9 @@ impl GradientTracer {
         Ok(true)
     }
 
-    /// Writes the picture.
+    /// Writes the image.
     fn write_picture(&self, gpu: &Gpu, step: &mut Step) -> Result<(), TechniqueError> {
-        // Without reconstruction the values are the picture, and their noise its noise.
+        // Without reconstruction the values are the image, and their noise is its noise.
         let (source, factors) = match self.solver {
             Some(_) => (&self.solution, spread::variance_factors(GRADIENT_SCREEN)),
             None => (&self.accumulation, [1.0, 0.0]),
@@ -295,7 +295,7 @@ impl Technique for GradientTracer {
             self.kernels.refresh(gpu);
             return self.trace(gpu, scene, lights, view, budget.max_paths);
         }
-        // A step of the reconstruction traces no path, so it says nothing of the rate of paths.
+        // A step of the reconstruction traces no path and must not count in the measured rate of paths.
         let mut step = Step::default();
         if self.reconstruct(gpu, view.exposure, &mut step)? {
             self.batches.finish();

@@ -1,9 +1,9 @@
-//! How much of the noise of values and differences is left in the reconstruction.
+//! The noise of the reconstruction, from that of values and differences.
 
-/// Frequencies of each axis that are summed over.
+/// Frequencies along each axis in the sum.
 const FREQUENCIES: u32 = 64;
 
-/// Factors on the variance of a value and of a difference in the variance of the least-squares picture, for noise that
+/// Factors on the variance of a value and of a difference in the variance of the least-squares image, for noise that
 /// is the same everywhere and independent: in the Fourier domain u = (a V + D^T g) / (a + l) with l = 4 sin^2(x / 2) +
 /// 4 sin^2(y / 2), so the factors are the means of a^2 / (a + l)^2 and l / (a + l)^2 over all frequencies.
 pub(super) fn variance_factors(screen: f32) -> [f32; 2] {

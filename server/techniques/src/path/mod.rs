@@ -1,7 +1,7 @@
 //! `path`: progressive path tracing, one estimate for each pixel and no reuse between them.
 //!
-//! The reference of the product: unbiased at any sample count, its error falls as one over the root of the samples.
-//! What it takes is in `passes/path_samples.rs`, since the surfel cache settles with the same samples.
+//! The reference: unbiased at any sample count, with an error that falls as one over the root of the samples. Its
+//! samples are in the passes (`path_samples.rs`), since settling takes the same.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_shaders::Features;
@@ -62,7 +62,7 @@ impl Technique for PathTracer {
     }
 
     fn picture(&self) -> &Buffer {
-        self.samples.picture()
+        self.samples.image()
     }
 
     fn samples(&self) -> u32 {
@@ -78,7 +78,7 @@ impl Technique for PathTracer {
     }
 }
 
-/// A path tracer that stays with the general variant, to compare special ones with.
+/// A path tracer that keeps the general kernel variant, for comparison with special ones.
 pub fn create_general(gpu: &Gpu, options: TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError> {
     let general = general_features(options.materials, options.is_split);
     let options = TechniqueOptions { waits_for_kernels: true, ..options };

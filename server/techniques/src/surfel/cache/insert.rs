@@ -88,7 +88,7 @@ impl SurfelCache {
         }
     }
 
-    /// Gives the grid a shape and room for at least so many entries. What was in it is lost.
+    /// Gives the grid a shape and room for at least `entries` entries. What was in it is lost.
     fn shape_grid(&mut self, gpu: &Gpu, shape: GridShape, entries: u64) -> Result<(), GpuError> {
         self.grid_shape = shape;
         self.memory.reserve_grid(gpu, shape.slots, entries)

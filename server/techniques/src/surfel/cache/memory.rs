@@ -163,7 +163,7 @@ impl Memory {
         self.reserve_scan(gpu, SURFEL_HIT_CANDIDATES + tiles + 1)
     }
 
-    /// Makes room for a grid of so many slots and entries. Where it grows, what was in it is lost.
+    /// Makes room for a grid of `slots` slots and `entries` entries. Where it grows, what was in it is lost.
     pub(super) fn reserve_grid(&mut self, gpu: &Gpu, slots: u32, entries: u64) -> Result<(), GpuError> {
         let words = grid_words(slots, entries);
         if self.grid.size_bytes() < words * 4 {
@@ -175,7 +175,7 @@ impl Memory {
         self.reserve_scan(gpu, slots + 1)
     }
 
-    /// Entries for which the grid has room, with so many slots.
+    /// Entries for which the grid has room, with `slots` slots.
     pub(super) fn grid_room(&self, slots: u32) -> u64 {
         (self.grid.size_bytes() / 4).saturating_sub(u64::from(slots) + 1) / 2
     }

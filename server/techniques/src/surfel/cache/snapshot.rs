@@ -1,8 +1,8 @@
-//! A cache on disk: written when a session ends, read when the same scene is opened again.
+//! Snapshots of a cache on disk: written when a session ends, read when the same scene is opened again.
 //!
-//! Layout: magic, version, identity and counts in a fixed header, then the living surfels in the order of their ids,
-//! column by column, compressed with zlib, then a SHA-256 over everything before it. What does not fit is refused,
-//! never repaired: a cache is quickly made anew.
+//! Layout: magic, version, identity and counts in a fixed header, then the live surfels in the order of their ids,
+//! column by column, compressed with zlib, then a SHA-256 over everything before it. A snapshot that does not fit is
+//! refused, never repaired: a new cache is filled within seconds.
 
 use std::io::{Read as _, Write as _};
 
@@ -21,12 +21,12 @@ use super::neighbours::EDGE_SLOTS;
 use crate::surfel::settings::SurfelSettings;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
-/// Raised whenever the meaning of a byte changes.
+/// Format version, raised whenever the meaning of a byte changes.
 const VERSION: u32 = 3;
 /// Bytes before the compressed columns.
 const HEADER_BYTES: usize = 8 + 4 + 3 * 32 + 4 * 4;
 const HASH_BYTES: usize = 32;
-/// Bytes of one read back or upload.
+/// Bytes of one readback.
 const CHUNK_BYTES: u64 = 32 << 20;
 
 /// What a snapshot belongs to.
@@ -41,7 +41,7 @@ pub struct SnapshotIdentity {
 /// Why a snapshot was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum SnapshotError {
-    /// Not a snapshot, or cut short, or changed on the way.
+    /// Not a snapshot, or truncated, or altered.
     #[error("the snapshot is damaged: {0}")]
     Damaged(&'static str),
     /// A snapshot of something else.
@@ -52,21 +52,21 @@ pub enum SnapshotError {
     Gpu(#[from] GpuError),
 }
 
-/// What a column holds, as far as it is looked at.
+/// Content of a column, as far as it is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
     Records,
     Lights,
     Outputs,
-    /// Any bits will do.
+    /// Any bits are valid.
     Words,
     /// Finite floats.
     Numbers,
-    /// [`EDGE_SLOTS`] of `SurfelEdge`, whose neighbours are counted in the order of the ids.
+    /// [`EDGE_SLOTS`] of `SurfelEdge`, whose neighbours are numbered in the order of the ids.
     Edges,
 }
 
-/// One column: everything about surfels in memory, by id.
+/// One column: a buffer with an element for each id.
 struct Column<'a> {
     content: Content,
     buffer: &'a Buffer,
@@ -91,7 +91,7 @@ impl SurfelCache {
         columns
     }
 
-    /// The living surfels as bytes.
+    /// The live surfels as bytes.
     pub fn save(&self, gpu: &Gpu, identity: &SnapshotIdentity) -> Result<Vec<u8>, GpuError> {
         let ids: Vec<u32> = read::<u32>(gpu, &self.memory.lists, u64::from(self.live))?;
         let mut bytes = Vec::with_capacity(HEADER_BYTES);
@@ -122,7 +122,8 @@ impl SurfelCache {
         Ok(bytes)
     }
 
-    /// A cache as it was saved. Other lights than then are no fault: the surfels stay and their light is measured anew.
+    /// The cache of a snapshot. If the lights differ from those of the snapshot, the surfels stay and their light is
+    /// measured again.
     pub fn restore(
         gpu: &Gpu,
         scene: &SceneBuffers,
@@ -147,7 +148,7 @@ impl SurfelCache {
         let body = &bytes[HEADER_BYTES..bytes.len() - HASH_BYTES];
         let expected: usize = cache.columns().iter().map(|column| column.bytes_each * live as usize).sum();
         let mut columns = Vec::new();
-        // One byte more than expected tells a body that is too long.
+        // One byte more than expected, to detect a body that is too long.
         let decoded = ZlibDecoder::new(body).take(expected as u64 + 1).read_to_end(&mut columns);
         if decoded.is_err() || columns.len() != expected {
             return Err(SnapshotError::Damaged("its columns do not unpack to the size it states"));
@@ -186,7 +187,7 @@ struct Header {
 impl Header {
     fn read(bytes: &[u8]) -> Result<Self, SnapshotError> {
         if bytes.len() < HEADER_BYTES + HASH_BYTES || bytes[..8] != MAGIC {
-            return Err(SnapshotError::Damaged("it does not begin as a snapshot does"));
+            return Err(SnapshotError::Damaged("it does not begin like a snapshot"));
         }
         let number = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         if number(8) != VERSION {
@@ -213,7 +214,7 @@ impl Header {
     }
 }
 
-/// A surfel's edges with neighbours counted in the order of the ids; slots of surfels that are gone are empty.
+/// A surfel's edges with neighbours numbered in the order of the ids; slots of recycled neighbours become empty.
 fn renumbered(own: &[u8], ids: &[u32]) -> Vec<u8> {
     let mut edges: Vec<SurfelEdge> = bytemuck::pod_collect_to_vec(own);
     for edge in &mut edges {
@@ -228,7 +229,7 @@ fn renumbered(own: &[u8], ids: &[u32]) -> Vec<u8> {
     bytemuck::cast_slice(&edges).to_vec()
 }
 
-/// No index may lead a kernel out of a buffer, no value may poison a mean.
+/// Checks that no index leads a kernel out of a buffer, and that no value makes a mean NaN.
 fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Result<(), SnapshotError> {
     let all_finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
     let is_sound = match content {
@@ -246,7 +247,7 @@ fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Re
                     && record.radius.is_finite()
             };
             if !bytemuck::pod_collect_to_vec(column).iter().all(is_sound) {
-                return Err(SnapshotError::Damaged("a surfel lies nowhere in the scene"));
+                return Err(SnapshotError::Damaged("a surfel is attached to nothing in the scene"));
             }
             true
         }
@@ -265,7 +266,7 @@ fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Re
             all_finite(&light.indirect) && all_finite(&light.direct) && all_finite(&scalars)
         }),
         Content::Outputs => bytemuck::pod_collect_to_vec(column).iter().all(|output: &SurfelOutput| {
-            // Halves of which all exponent bits are set are no numbers.
+            // Half floats whose exponent bits are all set are not finite.
             let mut halves = output.gradient.iter().flat_map(|word| [word & 0x7fff, word >> 16 & 0x7fff]);
             all_finite(&output.indirect)
                 && all_finite(&output.direct)
@@ -281,12 +282,12 @@ fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Re
                     && edge.square >= 0.0
             };
             if !bytemuck::pod_collect_to_vec(column).iter().all(is_sound) {
-                return Err(SnapshotError::Damaged("an edge between surfels leads nowhere"));
+                return Err(SnapshotError::Damaged("an edge leads to no surfel"));
             }
             true
         }
     };
-    if is_sound { Ok(()) } else { Err(SnapshotError::Damaged("a surfel's light is no number")) }
+    if is_sound { Ok(()) } else { Err(SnapshotError::Damaged("a surfel's light is not finite")) }
 }
 
 fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
@@ -308,17 +309,17 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: u64) -> Result<Vec
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
-/// A living surfel as it is written to a point cloud.
+/// A live surfel, as it is exported to a point cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExportedSurfel {
-    /// Where it lies.
+    /// Where it is.
     pub record: SurfelRecord,
     /// What it measured.
     pub light: SurfelLight,
 }
 
 impl SurfelCache {
-    /// Every living surfel, in the order of the ids.
+    /// Every live surfel, in the order of the ids.
     pub fn export(&self, gpu: &Gpu) -> Result<Vec<ExportedSurfel>, GpuError> {
         let ids: Vec<u32> = read(gpu, &self.memory.lists, u64::from(self.live))?;
         let records: Vec<SurfelRecord> = read(gpu, &self.memory.records, u64::from(self.used))?;

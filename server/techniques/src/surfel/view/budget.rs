@@ -84,7 +84,7 @@ impl Budget {
         self.radius_pixels * coarseness * share
     }
 
-    /// Rays of an update that the view drives, with so many surfels spawned since the last one. Images of a gesture are
+    /// Rays of an update that the view drives, with `new_surfels` spawned since the last one. Images of a gesture are
     /// small to be fast, and so are their updates.
     pub(crate) fn rays(&self, new_surfels: u32) -> u32 {
         let [width, height] = self.size;
