@@ -8,7 +8,7 @@ use surfelcast_passes::poisson::{
 };
 use surfelcast_shaders::layout::bytemuck;
 
-/// A problem on the host: colours and weights as the device has them.
+/// A problem on the host: colours and weights as on the device.
 struct Problem {
     size: [usize; 2],
     value: Vec<[f32; 4]>,
@@ -25,7 +25,7 @@ fn numbers(seed: u32) -> impl FnMut() -> f32 {
     }
 }
 
-/// Random values and weights over two orders of magnitude, some edges cut.
+/// Random values and weights over two orders of magnitude; some edges have weight 0.
 fn random_problem(size: [usize; 2], screen: f32, seed: u32) -> Problem {
     let mut random = numbers(seed);
     let count = size[0] * size[1];
@@ -108,7 +108,7 @@ impl Problem {
         self.direct(&vec![1.0; self.value.len()], &vec![1.0; self.edges().len()])
     }
 
-    /// What rounds of reweighting make of it.
+    /// Minimiser after rounds of reweighting.
     fn reweighted(&self, rounds: u32, scale: f64) -> Vec<[f64; 3]> {
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let mut u = self.least_squares();
@@ -178,7 +178,7 @@ const SOLVERS: [Solver; 6] = [
 #[test]
 fn every_solver_finds_the_direct_solution() {
     let gpu = gpu();
-    // Odd sides, one row, one pixel: grids whose blocks are not whole.
+    // Odd sides, one row, one pixel: grids that blocks do not divide.
     for (size, screen) in [([21, 17], 0.1), ([40, 1], 0.1), ([1, 33], 0.5), ([1, 1], 0.1)] {
         let problem = random_problem(size, screen, 7);
         let direct = problem.least_squares();
@@ -187,7 +187,7 @@ fn every_solver_finds_the_direct_solution() {
             let (u, report) = solve(&gpu, &problem, settings);
             let off = distance(&u, &direct);
             println!("{size:?} {solver:?}: {} iterations, off by {off:.1e}", report.iterations);
-            // A small residual says little of smooth errors, which plain iterations remove last.
+            // A small residual does not exclude smooth errors, which plain iterations remove last.
             assert!(off < 1e-3, "{size:?} {solver:?}: off by {off}, residual {}", report.residual);
         }
     }
@@ -204,8 +204,8 @@ fn every_start_leads_to_the_same_solution() {
     }
 }
 
-/// A picture that fits its differences is its own solution; blurred, the Gaussian start restores it where the blur is
-/// whole.
+/// An image that fits its differences is its own solution; from a blurred one, the Gaussian start restores it where the
+/// blur is complete.
 #[test]
 fn the_gaussian_start_undoes_a_blur_that_it_matches() {
     let gpu = gpu();
@@ -224,7 +224,7 @@ fn the_gaussian_start_undoes_a_blur_that_it_matches() {
     for (p, q, ..) in problem.edges() {
         problem.differences[2 * p + usize::from(q != p + 1)] = difference(p, q);
     }
-    // A constant is the strongest blur of all: only differences can restore the rest.
+    // A constant is the strongest blur: only differences can restore the rest.
     let mean: [f64; 3] = std::array::from_fn(|i| truth.iter().map(|v| v[i]).sum::<f64>() / truth.len() as f64);
     problem.value = vec![std::array::from_fn(|i| if i < 3 { mean[i] as f32 } else { 0.0 }); truth.len()];
     let rmse = |start, iterations| {

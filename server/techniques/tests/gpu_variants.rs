@@ -1,4 +1,4 @@
-//! A kernel that leaves out what a scene does not need renders what the general one renders: random dimensions do not
+//! A kernel variant without what a scene does not need renders the same as the general one: random dimensions do not
 //! depend on the variant.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
@@ -56,7 +56,7 @@ fn compare(gpu: &Gpu, scene: &Scene, materials: MaterialMode) {
         assert_ne!(special.features(), general.features());
         let special = picture(gpu, special.as_mut(), &buffers, &lights, &view);
         let general = picture(gpu, general.as_mut(), &buffers, &lights, &view);
-        // A last bit may round otherwise and send a path elsewhere; nearly all pixels must agree.
+        // A different rounding of the last bit may change a path; nearly all pixels must agree.
         let is_same =
             |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).all(|i| (a[i] - b[i]).abs() <= 1e-3 * a[i].abs().max(0.01));
         let same = special.iter().zip(&general).filter(is_same).count();
@@ -66,7 +66,7 @@ fn compare(gpu: &Gpu, scene: &Scene, materials: MaterialMode) {
 }
 
 #[test]
-fn special_kernels_render_what_the_general_one_renders() {
+fn special_kernels_render_the_same_as_the_general_one() {
     let gpu = Gpu::open(&GpuOptions::default()).unwrap();
     for demo in demo::scenes() {
         let view = ViewFile::parse(demo.view.as_bytes()).unwrap();

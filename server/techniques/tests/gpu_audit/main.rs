@@ -1,4 +1,4 @@
-//! What the error audit says against what was measured, over many pictures.
+//! The error audit against measured errors, over many images.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 

@@ -1,4 +1,4 @@
-//! The audit is right on average, and its intervals hold the truth as often as they say, in a room without caustics.
+//! The audit is unbiased, and its intervals contain the truth as often as promised, in a room without caustics.
 
 use surfelcast_techniques::surfel::Reconstruction;
 use surfelcast_techniques::technique::TechniqueOptions;
@@ -8,9 +8,9 @@ use crate::rig::{Mean, Rig, gpu};
 use crate::scenes::{Setting, matte};
 
 const SIZE: [u32; 2] = [48, 36];
-/// Pictures, each with a seed of its own for itself and its audit.
+/// Images, each with a seed of its own for itself and its audit.
 const PICTURES: u64 = 100;
-/// Samples a pixel of each of the two pictures that stand for the truth.
+/// Samples per pixel of each of the two images that represent the truth.
 const TRUTH_SAMPLES: u32 = 1024;
 
 fn tone_mapped(picture: &[[f32; 4]]) -> Vec<[f64; 3]> {
@@ -21,8 +21,7 @@ fn tone_mapped(picture: &[[f32; 4]]) -> Vec<[f64; 3]> {
     picture.iter().map(compress).collect()
 }
 
-/// Mean squared error against the truth, of which two pictures with independent noise are known: it cancels in the
-/// product.
+/// Mean squared error against the truth, from two images of it whose independent noise cancels in the product.
 fn measured(picture: &[[f32; 4]], truths: &[Vec<[f64; 3]>; 2]) -> f64 {
     let products = tone_mapped(picture)
         .into_iter()
@@ -31,18 +30,19 @@ fn measured(picture: &[[f32; 4]], truths: &[Vec<[f64; 3]>; 2]) -> f64 {
     products.sum::<f64>() / (3.0 * picture.len() as f64)
 }
 
-/// Renders and audits many pictures; returns what was audited beside what was measured.
+/// Renders and audits many images. Returns audited and measured errors.
 fn audits(setting: &Setting, technique: &str, samples: u32) -> Vec<(AuditResult, f64)> {
     let gpu = gpu();
     let rig = Rig::new(&gpu, setting, SIZE);
     let truths = [1 << 20, 1 << 21].map(|seed| tone_mapped(&rig.picture("path", seed, TRUTH_SAMPLES)));
     let entry = registry::by_id(technique).unwrap();
-    // A coarse cache without reconstruction: its error is large enough for a hundred audits to tell.
+    // A coarse cache without reconstruction: its error is large enough for a hundred audits to resolve.
     let surfel = SurfelSettings {
         radius_pixels: 16.0,
         reconstruction: Reconstruction::None,
         shares: false,
-        // What an update of so few pixels traces at least: more would be a reason to take more samples of them.
+        // The least number of rays that an update traces: if it were above the configured one, frames would take more
+        // samples per pixel.
         rays_per_pixel: 2.0,
         ..SurfelSettings::PREVIEW
     };
@@ -89,11 +89,11 @@ fn check(setting: &Setting, technique: &str, samples: u32) {
 }
 
 #[test]
-fn of_path_traced_pictures() {
+fn of_path_traced_images() {
     check(&matte(), "path", 16);
 }
 
 #[test]
-fn of_pictures_from_surfels() {
+fn of_images_from_surfels() {
     check(&matte(), "surfel", 4);
 }

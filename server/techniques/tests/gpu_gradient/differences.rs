@@ -1,4 +1,4 @@
-//! The measured differences are those between converged pixels, whatever the paths between them meet.
+//! The measured differences are those between converged pixels, whatever the shifted paths hit.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_techniques::gradient::Reconstruction;
@@ -7,7 +7,7 @@ use crate::rig::{Mean, Rig, gpu};
 use crate::scenes::{Setting, settings};
 
 const SIZE: [u32; 2] = [16, 12];
-/// Independent pictures, and samples of each.
+/// Independent images, and samples per pixel of each.
 const PICTURES: u64 = 24;
 const SAMPLES: u32 = 64;
 
@@ -17,7 +17,7 @@ struct Found {
     rms: f64,
     /// Share of edges beyond three standard errors.
     outliers: f64,
-    /// Measured over finite difference, both summed in the direction in which the picture rises, and the distance from
+    /// Measured over finite difference, both summed in the direction in which the image rises, and the distance from
     /// 1 in standard errors: what a bias common to all edges would move.
     ratio: f64,
     ratio_distance: f64,
@@ -48,13 +48,13 @@ fn measure(gpu: &Gpu, setting: &Setting) -> Found {
         for (values, differences) in &pictures {
             off.add(luminance(differences[edge.2]) - finite(values, edge));
         }
-        // An even sky has no noise, only rounding.
+        // A uniform sky has no noise, only rounding errors.
         let distance = off.mean() / (off.std_error() + 1e-6);
         squares += distance * distance;
         outliers += f64::from(u8::from(distance.abs() > 3.0));
     }
-    // The direction comes from one half of the pictures and the sums from the other, or noise would choose its own
-    // sign.
+    // The direction is that of one half of the images, the sums are those of the other half, which has independent
+    // noise.
     let (mut finite_sums, mut off) = (Mean::default(), Mean::default());
     let halves = pictures.split_at(pictures.len() / 2);
     for (directions, summed) in [halves, (halves.1, halves.0)] {

@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
 mod differences;
-mod pictures;
+mod images;
 mod rig;
 #[path = "../gpu_surfel/scenes.rs"]
 #[allow(dead_code, reason = "the rooms of another suite, of which only some serve here")]

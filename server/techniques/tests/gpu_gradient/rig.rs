@@ -1,4 +1,4 @@
-//! Renders small pictures.
+//! Renders small images.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_passes::step::{Step, StepBudget};
@@ -56,7 +56,8 @@ impl<'a> Rig<'a> {
         (entry.create)(self.gpu, &self.buffers, &self.lights, &SessionState::default(), self.options(seed)).unwrap()
     }
 
-    /// Renders until the picture has so many samples, in submissions of so many paths; returns rays of all kinds.
+    /// Renders until the image has `samples` samples per pixel, in steps of at most `max_paths` paths. Returns its number
+    /// of rays.
     pub(crate) fn render(&self, technique: &mut dyn Technique, samples: u32, max_paths: u64) -> u64 {
         let mut rays = 0;
         while technique.samples() < samples {
@@ -75,7 +76,7 @@ impl<'a> Rig<'a> {
         bytemuck::pod_collect_to_vec(&bytes)
     }
 
-    /// The picture after so many samples.
+    /// The image after `samples` samples per pixel.
     pub(crate) fn picture(&self, id: &str, seed: u64, samples: u32) -> Vec<[f32; 4]> {
         let mut technique = self.technique(id, seed);
         self.render(technique.as_mut(), samples, u64::MAX);

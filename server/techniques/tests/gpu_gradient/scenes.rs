@@ -1,4 +1,4 @@
-//! The Cornell box with other blocks and other light.
+//! The Cornell box with other blocks and other lights.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use surfelcast_scene::glb::pack;
 use surfelcast_scene::{Camera, Environment, LoadOptions, PunctualKind, PunctualLight, Scene, demo, load_bytes};
 use surfelcast_techniques::LightState;
 
-/// A scene with the light that it is rendered in.
+/// A scene with its lights.
 pub(crate) struct Setting {
     pub(crate) name: &'static str,
     pub(crate) scene: Scene,
@@ -80,7 +80,7 @@ fn sky() -> Environment {
 
 fn setting(name: &'static str, scene: Scene) -> Setting {
     let lights = LightState::of_scene(&scene);
-    // The lamp is out of sight: at few samples the noise of its edges would drown everything else in any technique.
+    // The lamp is out of view: at few samples the noise of its edges would dominate in any technique.
     let camera = Camera {
         position: glam::DVec3::new(0.0, 1.0, 3.6),
         target: glam::DVec3::new(0.0, 0.6, 0.0),
@@ -99,7 +99,7 @@ pub(crate) fn glossy() -> Setting {
 }
 
 pub(crate) fn settings() -> Vec<Setting> {
-    // Seen from inside, at an angle, the open front lets the sky in.
+    // The camera is inside, at an angle; the sky is visible through the open front.
     let floor = json!({"baseColorFactor": [0.7, 0.7, 0.7, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.25});
     let mut open = setting("sky, sun and spot", cornell(&metal(0.3), &plastic(0.5), &floor, sky()));
     open.lights.punctual = vec![

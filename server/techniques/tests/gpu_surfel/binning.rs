@@ -1,4 +1,4 @@
-//! The order in which rays are traced shows in nothing but the time.
+//! The order in which rays are traced changes nothing but the time.
 
 use surfelcast_techniques::surfel::ExportedSurfel;
 use surfelcast_techniques::{Change, SurfelSettings};
@@ -20,7 +20,7 @@ fn binned_rays_bring_back_the_same_bits() {
             for step in 0..6 {
                 picture.invalidate(Change::Camera);
                 let view = camera([0.6, 0.2, 0.8 - 0.1 * f64::from(step)], [-0.4, -0.3, -0.5]);
-                // In pieces, so that a dispatch traces a part of the order.
+                // In pieces, so that a dispatch traces a part of the sequence.
                 rig.frames_in_pieces(picture.as_mut(), view, 3, 1500);
             }
             let cache = rig.session.surfels().unwrap();
@@ -30,7 +30,7 @@ fn binned_rays_bring_back_the_same_bits() {
         let (picture, surfels) = walk(false);
         let (binned_picture, binned_surfels) = walk(true);
         assert!(surfels.len() > 100 && surfels.iter().any(|surfel| surfel.light.indirect[0] > 0.0));
-        assert!(picture == binned_picture, "guiding {guided_share}: pictures differ");
+        assert!(picture == binned_picture, "guiding {guided_share}: images differ");
         assert!(surfels == binned_surfels, "guiding {guided_share}: caches differ");
     }
 }

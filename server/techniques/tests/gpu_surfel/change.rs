@@ -1,4 +1,4 @@
-//! Lights change, cameras come and go, and what is settled costs nothing.
+//! Lights change, cameras are added and removed, and a converged cache costs nothing.
 
 use surfelcast_passes::step::StepBudget;
 use surfelcast_techniques::technique::Technique;
@@ -14,7 +14,7 @@ fn lit_room() -> Vec<Face> {
 }
 
 #[test]
-fn three_times_the_light_is_there_within_a_few_frames() {
+fn three_times_the_light_is_shown_within_a_few_frames() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let settings = SurfelSettings { target_error: 0.0, ..SurfelSettings::BALANCED };
@@ -33,7 +33,7 @@ fn three_times_the_light_is_there_within_a_few_frames() {
     picture.invalidate(Change::Lights);
     let mut frames_needed = 0;
     for frame in 1..=40 {
-        // Each frame on its own, as a person would see it.
+        // Each frame by itself, as it is shown.
         picture.invalidate(Change::Camera);
         rig.frames(picture.as_mut(), view, 1);
         let share = (indirect(&rig, picture.as_ref()) - before) / (2.0 * before);
@@ -69,13 +69,13 @@ fn moved_objects_start_everything_again_as_new_lights_do() {
     assert_ne!(moved, after(Change::Camera), "a camera keeps the cache's means");
 }
 
-/// The first frame, which is all there is while a camera moves, comes as soon as it can; those after it quieten pixels
+/// The first frame, the only one while a camera moves, is as fast as possible; later ones reduce the noise of pixels
 /// too.
 #[test]
 fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
-    // Few enough pixels for a test, and rays asked for as they are in a picture of many.
+    // Few enough pixels for a test, with the configured rays that a larger image would have.
     let settings = SurfelSettings { target_error: 0.05, rays_per_pixel: 16.0, ..SurfelSettings::BALANCED };
     let rig = Rig::new(&gpu, &scene, settings, [32, 32]);
     let view = FrameView { camera: camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), size: rig.size, exposure: 1.0 };
@@ -97,18 +97,18 @@ fn a_first_frame_takes_one_sample_of_each_pixel_and_those_after_it_more() {
     assert_eq!(samples_of_frames(picture.as_mut(), 2), [1, 3], "after a move");
     rig.frames(picture.as_mut(), view.camera, 100);
     picture.invalidate(Change::Camera);
-    assert_eq!(samples_of_frames(picture.as_mut(), 4), [1; 4], "once the cache has settled");
-    // Where an update traces many times the rays that so few pixels ask for.
+    assert_eq!(samples_of_frames(picture.as_mut(), 4), [1; 4], "once the cache has converged");
+    // An update traces many times the rays configured for this number of pixels.
     let rig = Rig::new(&gpu, &scene, SurfelSettings { rays_per_pixel: 0.5, ..settings }, rig.size);
     let mut picture = rig.picture();
     let taken = samples_of_frames(picture.as_mut(), 2);
     assert!(taken.iter().all(|&samples| (4..=16).contains(&samples)), "{taken:?}");
 }
 
-/// What a person sees first on a slow device: few pixels, which surfels made for a larger picture would leave to noisy
+/// The first frame on a slow device: few pixels, which surfels of the density of a larger image would leave to noisy
 /// paths.
 #[test]
-fn a_small_first_picture_is_lit_by_its_surfels() {
+fn a_small_first_image_is_lit_by_its_surfels() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let at = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
@@ -127,13 +127,13 @@ fn a_small_first_picture_is_lit_by_its_surfels() {
         let first = indirect(&rig, 1);
         rmse(&first, &indirect(&rig, 128))
     });
-    println!("first picture: {own:.4} as large as wanted, {eighth:.4} at an eighth");
+    println!("first image: {own:.4} at full size, {eighth:.4} at an eighth");
     assert!(eighth < 1.5 * own);
 }
 
-/// A gesture goes from a still, whose cache is large, to a wall right before the camera.
+/// A gesture turns from a still, whose cache is large, to a wall directly in front of the camera.
 #[test]
-fn ground_that_a_gesture_comes_upon_is_lit_in_the_same_frame() {
+fn newly_visible_surfaces_are_lit_in_the_same_frame() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let before = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
@@ -168,21 +168,21 @@ fn ground_that_a_gesture_comes_upon_is_lit_in_the_same_frame() {
     assert!(moved < 1.5 * first);
 }
 
-/// A gesture over ground that a still has lit: its small pictures find the still's surfels and need no coarser ones.
+/// A gesture over surfaces that a still has lit: its small images find the still's surfels and need no coarser ones.
 #[test]
-fn a_small_picture_finds_the_fine_surfels_of_a_large_one() {
+fn a_small_image_finds_the_fine_surfels_of_a_large_one() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let at = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
     let full_size = [192, 144];
-    // Small enough that coarser ones are allowed. Without feedback rays ask for none where they hit: all that come are
-    // the pictures.
+    // Small enough that coarser ones are allowed. Without feedback, no surfels are requested at ray hits: all new ones
+    // are requested by the images.
     let settings = SurfelSettings { radius_pixels: 1.5, feeds_back: false, ..SurfelSettings::BALANCED };
     let mut rig = Rig::new(&gpu, &scene, settings, full_size);
     let mut large = rig.picture();
     rig.frames(large.as_mut(), at, 16);
     let [before, _] = large.surfels().unwrap();
-    // A gesture's picture takes the place of the still's.
+    // The gesture's image replaces the still's.
     drop(large);
     rig.size = [48, 36];
     let mut small = rig.picture();
@@ -195,7 +195,7 @@ fn a_small_picture_finds_the_fine_surfels_of_a_large_one() {
 }
 
 #[test]
-fn a_settled_cache_traces_nothing_and_a_second_camera_on_lit_ground_little() {
+fn a_converged_cache_traces_nothing_and_a_second_camera_on_lit_surfaces_little() {
     let gpu = gpu();
     let scene = scene(&lit_room(), 0.0);
     let settings = SurfelSettings { target_error: 0.02, ..SurfelSettings::BALANCED };
@@ -204,13 +204,13 @@ fn a_settled_cache_traces_nothing_and_a_second_camera_on_lit_ground_little() {
     let view = camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]);
     let to_settle = rig.frames(first.as_mut(), view, 200);
     first.invalidate(Change::Camera);
-    // Surfels are not looked for in every frame: the same eight again may find a gap that the first time passed over.
+    // Not every frame looks for gaps: the same eight frames again may find one that was missed the first time.
     rig.frames(first.as_mut(), view, 8);
     first.invalidate(Change::Camera);
     let settled = rig.frames(first.as_mut(), view, 8);
-    println!("{to_settle} rays to settle, {settled} in 8 frames after that");
+    println!("{to_settle} rays to converge, {settled} in 8 frames after that");
     assert_eq!(settled, 0);
-    // The second camera sees nearly the same walls from a step aside.
+    // The second camera sees nearly the same walls from a little to the side.
     let mut second = rig.picture();
     let beside = camera([0.5, 0.2, 0.8], [-0.45, -0.3, -0.5]);
     let more = rig.frames(second.as_mut(), beside, 200);
@@ -218,13 +218,13 @@ fn a_settled_cache_traces_nothing_and_a_second_camera_on_lit_ground_little() {
     assert!((more as f64) < 0.35 * to_settle as f64, "{more} of {to_settle}");
     second.invalidate(Change::Camera);
     assert_eq!(rig.frames(second.as_mut(), beside, 8), 0);
-    // New light wakes it up again.
+    // After a lighting change it traces again.
     rig.session.invalidate(Change::Lights);
     second.invalidate(Change::Lights);
     assert!(rig.frames(second.as_mut(), beside, 4) > 0);
 }
 
-/// Surfels of a camera far away are six times too coarse for one that has come closer.
+/// Surfels of a distant camera are six times too coarse for one that has come closer.
 #[test]
 fn a_camera_that_comes_closer_gets_finer_surfels() {
     let gpu = gpu();

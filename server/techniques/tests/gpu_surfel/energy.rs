@@ -8,10 +8,10 @@ use crate::rig::{Rig, blocks, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, inside_of_tetrahedron, scene};
 
 const SIZE: [u32; 2] = [32, 32];
-/// Frames after which noise is well below the gates.
+/// Frames after which noise is well below the bounds.
 const FRAMES: u32 = 40;
 
-/// A closed room that emits 1 - albedo and reflects albedo shines with radiance 1 everywhere.
+/// A closed room that emits 1 - albedo and reflects albedo has radiance 1 everywhere.
 fn furnace(albedo: f32) -> Paint {
     Paint { albedo, emission: 1.0 - albedo, is_unlit: false }
 }
@@ -34,7 +34,7 @@ fn check(gpu: &Gpu, name: &str, faces: &[Face], settings: SurfelSettings) {
 }
 
 fn settings() -> SurfelSettings {
-    // Four times the rays that a picture of this size would get, so that noise is no excuse.
+    // Four times the rays that an image of this size would get, so that noise cannot be the cause of a failure.
     SurfelSettings { rays_per_pixel: 16.0, target_error: 0.0, ..SurfelSettings::BALANCED }
 }
 
@@ -55,7 +55,7 @@ fn furnaces_are_white_at_every_albedo_and_share_of_guiding() {
 }
 
 #[test]
-fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
+fn furnaces_are_white_whatever_the_sharing_feedback_and_depth() {
     let gpu = gpu();
     let faces = inside_of_box([-1.0; 3], [1.0; 3], furnace(0.8));
     let plain = SurfelSettings { reconstruction: Reconstruction::None, ..settings() };
@@ -65,14 +65,15 @@ fn furnaces_are_white_whatever_is_shared_fed_back_or_respected() {
     check(&gpu, "in the image", &faces, SurfelSettings { reconstruction: Reconstruction::Image, ..settings() });
     check(&gpu, "no feedback", &faces, SurfelSettings { feeds_back: false, ..settings() });
     check(&gpu, "no depth", &faces, SurfelSettings { respects_depth: false, ..settings() });
-    // The multiscale estimator never averages longer than its window, so its blocks stay noisy; its mean has to hold.
+    // The multiscale estimator never averages longer than its window, so its blocks stay noisy; only its mean is
+    // checked.
     let [of_mean, of_block] =
         distances(&gpu, &faces, SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, FRAMES);
     println!("multiscale estimator: mean off by {:.2} %, blocks by {:.2} %", 100.0 * of_mean, 100.0 * of_block);
     assert!(of_mean <= 0.01, "{of_mean}");
 }
 
-/// Four lights are each asked, twelve are chosen from: both ways of asking find all the light.
+/// Four lights are all sampled, of twelve one is chosen by resampling: both find all the light.
 #[test]
 fn furnaces_are_white_with_few_lights_and_with_many() {
     let gpu = gpu();
@@ -81,10 +82,10 @@ fn furnaces_are_white_with_few_lights_and_with_many() {
     }
 }
 
-/// Under an even sky guiding cannot help, and must not change the mean of what surfels measure. (Reconstruction weighs
-/// values by variances and has a bound of its own.)
+/// Under a uniform sky guiding cannot help, and must not change the mean of what surfels measure. (Reconstruction
+/// weights values by variances and has a bound of its own.)
 #[test]
-fn guided_rays_see_an_even_sky_as_it_is() {
+fn guided_rays_leave_a_uniform_sky_unchanged() {
     let gpu = gpu();
     let floor = (vec![[-4.0, 0.0, -4.0], [-4.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, -4.0]], Paint::matte(0.5));
     let wall = (vec![[-4.0, 0.0, -4.0], [4.0, 0.0, -4.0], [4.0, 3.0, -4.0], [-4.0, 3.0, -4.0]], Paint::matte(0.0));
@@ -107,8 +108,7 @@ fn guided_rays_see_an_even_sky_as_it_is() {
     }
 }
 
-/// A bright panel that only chance finds: one ray in two hundred or so. It is unlit, so light sampling does not know
-/// it.
+/// A bright panel that only about one ray in two hundred hits. It is unlit, so light sampling does not sample it.
 fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let half = 0.0886; // pi half^2 / (pi 1^2) would be 0.8 %; a square at distance 1.25 subtends half a percent of cosine
     let floor = (vec![[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]], Paint::matte(1.0));
@@ -120,7 +120,7 @@ fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let mut rig = Rig::new(gpu, &scene, settings, SIZE);
     rig.materials = surfelcast_techniques::MaterialMode::Pbr;
     let mut picture = rig.picture();
-    // From above, close enough that every pixel lies well under the panel.
+    // From above, close enough that every pixel is well under the panel.
     rig.frames(picture.as_mut(), camera([0.15, 0.5, 0.15], [0.05, 0.0, 0.0]), frames);
     let cache = rig.session.surfels().unwrap();
     let surfels = cache.lock().export(gpu).unwrap();
@@ -129,7 +129,7 @@ fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let mut expected = 0.0;
     for surfel in &surfels {
         let [x, y, z] = surfel.record.position.map(f64::from);
-        // By age, not by rays: surfels that saw the panel early are given more of those.
+        // By age, not by rays: surfels that hit the panel early get more of those.
         if surfel.light.age < 100.0 {
             continue;
         }
@@ -152,7 +152,7 @@ fn rare_light_keeps_its_energy() {
         println!("guiding {guided_share}: {:.2} % of the panel's energy", 100.0 * ratio);
         assert!((0.97..=1.03).contains(&ratio), "{ratio}");
     }
-    // What the exact mean is compared with: the multiscale estimator's clamp eats rare light.
+    // For comparison with the exact mean: the clamp of the multiscale estimator removes rare light.
     let [ratio, _] = rare_panel(&gpu, SurfelSettings { estimator: Estimator::Multiscale, ..settings() }, 160);
     println!("multiscale: {:.2} %", 100.0 * ratio);
 }

@@ -1,4 +1,4 @@
-//! Direct light filtered over neighbouring pixels: less noise, shadows as sharp as they are, nothing that stays.
+//! Direct light filtered over neighbouring pixels: less noise, shadows as sharp as without, no lasting effect.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
@@ -8,22 +8,22 @@ use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
-/// Frames after which pictures are looked at.
+/// Frames after which images are compared.
 const LOOKS: [u32; 4] = [1, 2, 4, 16];
-/// Frames after which nothing of the filter is left: 128 samples of each pixel.
+/// Frames after which the filter has faded out: 128 samples per pixel.
 const UNFILTERED: u32 = 128;
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, filters_direct: bool) -> Rig<'a> {
-    // As many rays a pixel as newborn surfels ask for: frames take the samples that they take in a picture of many
-    // pixels.
+    // As many configured rays per pixel as new surfels request, so that frames take as many samples as in a large
+    // image.
     let settings = SurfelSettings { filters_direct, settles: false, rays_per_pixel: 8.0, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
 
 struct Walk {
-    /// Pictures after each of [`LOOKS`].
+    /// Images after each of [`LOOKS`].
     looks: Vec<Vec<f32>>,
-    /// The picture once nothing of the filter is left.
+    /// The image once the filter has faded out.
     end: Vec<[f32; 4]>,
 }
 
@@ -44,7 +44,7 @@ fn both(gpu: &Gpu, scene: &Scene, at: Camera) -> [Walk; 2] {
     })
 }
 
-/// The same view by other samples.
+/// The same view with other random numbers.
 fn truth(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
     let rig = rig(gpu, scene, false);
     let mut picture = rig.picture_by("surfel", 99);
@@ -53,7 +53,7 @@ fn truth(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
 }
 
 #[test]
-fn noise_under_many_lamps_is_filtered_and_the_picture_ends_as_without() {
+fn noise_under_many_lamps_is_filtered_and_the_image_ends_as_without() {
     let gpu = gpu();
     let scene = many_lamps();
     let at = camera([1.2, 0.6, 1.0], [0.0, -0.9, 0.0]);
@@ -70,13 +70,13 @@ fn noise_under_many_lamps_is_filtered_and_the_picture_ends_as_without() {
         assert!(with < 0.75 * without);
         assert!(gain.abs() < 0.01);
     }
-    assert!(plain.end == filtered.end, "something of the filter stays");
+    assert!(plain.end == filtered.end, "the filter has a lasting effect");
 }
 
 #[test]
 fn borders_of_shadows_stay_sharp() {
     let gpu = gpu();
-    // A board before a wall, under a lamp as small as a point: light that has a border and no noise.
+    // A board before a wall, under a lamp as small as a point: light with a sharp border and no noise.
     let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.2));
     faces.push(upright([-0.4, 0.4], [-1.0, 0.2], 0.0, Paint::matte(0.7)));
     faces.push(lamp(0.3, 1.2, 0.005, 40_000.0));

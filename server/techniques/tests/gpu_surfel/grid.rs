@@ -1,4 +1,4 @@
-//! The grid finds surfels and does nothing else: whichever it is, the same surfels give the same light.
+//! Both grids find the same surfels, which give the same light.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
@@ -10,8 +10,8 @@ use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [96, 72];
 const IDENTITY: SnapshotIdentity = SnapshotIdentity { scene: [3; 32], lights: [4; 32] };
-// Done at once with what was restored, and new ground is lit without a look at the cache, so that every difference
-// between two pictures is one of the gathers.
+// Restored surfels have met this error goal, and newly visible surfaces are lit without the cache, so that every
+// difference between two images is one of the gathers.
 const SETTINGS: SurfelSettings =
     SurfelSettings { target_error: 0.1, radius_pixels: 3.0, feeds_back: false, ..SurfelSettings::BALANCED };
 
@@ -36,7 +36,7 @@ fn side_view() -> Camera {
     camera([-0.5, -0.4, 0.5], [0.4, 0.3, -3.0])
 }
 
-/// A cache that a camera has filled, as bytes.
+/// A snapshot of a cache that a camera has filled.
 fn filled(gpu: &Gpu, scene: &Scene) -> Vec<u8> {
     let rig = Rig::new(gpu, scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
@@ -45,7 +45,7 @@ fn filled(gpu: &Gpu, scene: &Scene) -> Vec<u8> {
     cache.lock().save(gpu, &IDENTITY).unwrap()
 }
 
-/// B at each pixel from a restored cache, and how many surfels there are.
+/// Irradiance over pi at each pixel from a restored cache, and its number of surfels.
 fn gathered(gpu: &Gpu, scene: &Scene, bytes: &[u8], grid: Grid, view: Camera) -> (Vec<[f32; 4]>, u32) {
     let mut rig = Rig::new(gpu, scene, SurfelSettings { grid, ..SETTINGS }, SIZE);
     rig.session = SessionState::default();
@@ -61,8 +61,8 @@ fn both_grids_find_the_same_light_in_the_same_surfels() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let bytes = filled(&gpu, &scene);
-    // Where the camera was, a step aside, and in the middle of surfels that are too coarse for it. No cell may be so
-    // full that it would be thinned.
+    // Where the camera was, a little to the side, and among surfels that are too coarse for it. No cell may be so full
+    // that it would be thinned.
     for view in [near_view(), side_view(), camera([0.0, -0.5, -2.5], [0.3, -0.9, -3.5])] {
         let (cascades, count) = gathered(&gpu, &scene, &bytes, Grid::Cascades, view);
         let (trapezoidal, same_count) = gathered(&gpu, &scene, &bytes, Grid::Trapezoidal, view);
@@ -79,9 +79,9 @@ fn both_grids_find_the_same_light_in_the_same_surfels() {
     }
 }
 
-/// Rays ask the grid where they hit, so whole updates agree too.
+/// Ray hits look surfels up in the grid, so whole updates agree too.
 #[test]
-fn a_moving_camera_takes_the_trapezoidal_grid_along() {
+fn the_trapezoidal_grid_follows_a_moving_camera() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let walk = |grid| {
@@ -99,8 +99,8 @@ fn a_moving_camera_takes_the_trapezoidal_grid_along() {
     };
     let (cascades, count) = walk(Grid::Cascades);
     let (trapezoidal, other_count) = walk(Grid::Trapezoidal);
-    println!("sum of B {cascades:.4} and {trapezoidal:.4}, {count} and {other_count} surfels");
-    // Rounding may decide a path here and there.
+    println!("sum of irradiance over pi {cascades:.4} and {trapezoidal:.4}, {count} and {other_count} surfels");
+    // Rounding may change a few paths.
     assert!((trapezoidal / cascades - 1.0).abs() < 1e-3);
     assert!(count.abs_diff(other_count) <= count / 200);
 }

@@ -1,4 +1,4 @@
-//! What reconstruction in the image promises, and what the published scheme does not hold.
+//! Reconstruction in the image keeps its promises, and the published scheme does not.
 
 use surfelcast_scene::Camera;
 use surfelcast_techniques::surfel::{ImageScheme, Reconstruction};
@@ -22,7 +22,7 @@ fn irradiance(rig: &Rig<'_>, picture: &dyn Technique) -> Vec<f32> {
     rig.read(irradiance).iter().map(|pixel| pixel[0]).collect()
 }
 
-/// B of the room after so many frames.
+/// Irradiance over pi in the room, after each number of frames.
 fn pictures(settings: SurfelSettings, frames: &[u32]) -> Vec<Vec<f32>> {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
@@ -36,7 +36,8 @@ fn pictures(settings: SurfelSettings, frames: &[u32]) -> Vec<Vec<f32>> {
     looks
 }
 
-/// B of the room by path tracing, and its tone-mapped mean square noise: that of two halves over four.
+/// Irradiance over pi in the room by path tracing, and its tone-mapped mean square noise: a quarter of the mean square
+/// difference of its two halves.
 fn truth() -> (Vec<f32>, f64) {
     const HALF: u32 = 2048;
     let gpu = gpu();
@@ -53,10 +54,11 @@ fn truth() -> (Vec<f32>, f64) {
     (whole, noise)
 }
 
-/// Each step towards the published scheme loses, and that is worse than none; ours beats the surfels' means while those
-/// are noisy. Later it does not: the bias of the slopes stays, and weighing takes only a part of it away.
+/// Each step towards the published scheme raises the error, up to above that of no reconstruction; ours is below that
+/// of the surfels' means while those are noisy. Later it is not: the bias of the slopes stays, and weighting removes
+/// only a part of it.
 #[test]
-fn weighed_differences_lower_the_error_and_the_published_scheme_raises_it() {
+fn weighted_differences_lower_the_error_and_the_published_scheme_raises_it() {
     const FRAMES: [u32; 3] = [2, 8, 32];
     let (truth, noise) = truth();
     let error = |look: &Vec<f32>| (tone_mapped_rmse(look, &truth).powi(2) - noise).max(0.0).sqrt();
@@ -82,10 +84,10 @@ fn weighed_differences_lower_the_error_and_the_published_scheme_raises_it() {
     assert!(weighed[0] <= 0.8 * none[0], "{} {}", weighed[0], none[0]);
 }
 
-/// Weights of values are the same everywhere, so the solve moves light between pixels and makes none.
+/// Weights of values are the same everywhere, so the solve moves light between pixels without adding any.
 #[test]
 fn the_solve_keeps_the_mean_of_what_was_gathered() {
-    // A first frame takes one sample whoever solves, so that of the ninth first frame what is gathered is the same.
+    // The first frame takes one sample with or without a solve, so the same is gathered in the ninth first frame.
     let first_frame = |settings: SurfelSettings| {
         let gpu = gpu();
         let scene = scene(&room(), 0.0);
@@ -106,9 +108,9 @@ fn the_solve_keeps_the_mean_of_what_was_gathered() {
     }
 }
 
-/// Same request, same bytes: whatever the pieces, at rest and while the camera moves.
+/// The same request gives the same bytes, however it is cut into pieces, at rest and while the camera moves.
 #[test]
-fn pictures_repeat_to_the_bit() {
+fn images_repeat_to_the_bit() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let walk = |paths: u64| {

@@ -1,4 +1,4 @@
-//! The first surfels stand where an even set of directions over the sphere meets surfaces, in its order.
+//! The first surfels are where uniform directions over the sphere hit surfaces, in the order of the directions.
 
 use glam::Vec3;
 use surfelcast_techniques::surfel::Initial;
@@ -10,7 +10,7 @@ use crate::scenes::{Paint, inside_of_box, scene};
 const SIZE: [u32; 2] = [96, 72];
 const EYE: [f64; 3] = [0.1, -0.2, 0.3];
 
-/// Directions of a cache's surfels from the eye after one frame, in the order of their ids, and the share of pixels
+/// Directions from the camera to a cache's surfels after one frame, in the order of their ids, and the share of pixels
 /// that they cover.
 fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
     let gpu = gpu();
@@ -30,13 +30,13 @@ fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
     let covered = pixels.iter().filter(|pixel| pixel[0] >= settings.coverage).count() as f64 / pixels.len() as f64;
     assert!(
         surfels.iter().zip(1..).all(|(surfel, serial)| surfel.record.serial == serial),
-        "ids are not in order of birth"
+        "ids are not in the order of spawning"
     );
     (surfels.iter().map(|surfel| (Vec3::from(surfel.record.position) - eye).normalize_or(Vec3::Z)).collect(), covered)
 }
 
 #[test]
-fn first_surfels_stand_around_the_camera_in_the_order_of_their_directions() {
+fn first_surfels_are_around_the_camera_in_the_order_of_their_directions() {
     let (gaps, covered) = directions(Initial::Gaps);
     let (fibonacci, fibonacci_covered) = directions(Initial::Fibonacci);
     let (hilbert, hilbert_covered) = directions(Initial::Hilbert);
@@ -45,7 +45,7 @@ fn first_surfels_stand_around_the_camera_in_the_order_of_their_directions() {
     // 36 times the coverage over the squared tangent of a radius.
     let tangent = 2.0 * 2.0 * 0.6f32.tan() / SIZE[1] as f32;
     let seeded = (36.0 * 0.3 / (tangent * tangent)) as usize;
-    // Where consecutive ones crowd each other, in corners, one of them is left out.
+    // Where consecutive ones are too close to each other, in corners, one of them is rejected.
     let begin = |all: &[Vec3]| all[..seeded * 9 / 10].to_vec();
     let (gaps, fibonacci, hilbert) = (gaps, begin(&fibonacci), begin(&hilbert));
     assert!(fibonacci.windows(2).all(|pair| pair[0].z > pair[1].z), "heights fall along a Fibonacci set");
@@ -55,10 +55,10 @@ fn first_surfels_stand_around_the_camera_in_the_order_of_their_directions() {
         angles[angles.len() / 2]
     };
     println!("median angle from one to the next: {:.3} {:.3} {:.3}", step(&gaps), step(&fibonacci), step(&hilbert));
-    // Seen from the camera a surfel's share of the sphere is this wide.
+    // The angle that a surfel spans, seen from the camera.
     let spacing = (4.0 * std::f32::consts::PI / seeded as f32).sqrt();
     assert!(step(&hilbert) < 1.5 * spacing && step(&fibonacci) > 10.0 * spacing);
-    // Behind the camera as much as before it.
+    // As many behind the camera as in front of it.
     for all in [&fibonacci, &hilbert] {
         let mean = all.iter().sum::<Vec3>() / all.len() as f32;
         assert!(mean.length() < 0.25, "{mean}");

@@ -5,7 +5,7 @@ use surfelcast_techniques::SurfelSettings;
 use crate::rig::{Rig, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
 
-/// Two rooms with one floor, one ceiling and a thin wall between them; a lamp in the left one.
+/// Two rooms with a common floor and ceiling and a thin wall between them; a lamp in the left one.
 fn two_rooms() -> Vec<Face> {
     let mut faces = inside_of_box([-2.0, 0.0, -1.0], [2.0, 2.0, 1.0], Paint::matte(0.8));
     for (x, is_left) in [(-0.01, true), (0.01, false)] {
@@ -23,7 +23,7 @@ fn light_in_the_dark(settings: SurfelSettings, seed: u64) -> f64 {
     let rig = Rig::new(&gpu, &scene, settings, [64, 48]);
     let mut lit = rig.picture_by("surfel", seed);
     let mut dark = rig.picture_by("surfel", seed);
-    // Both rooms look at the floor along the wall, where surfels of the lit side reach under it.
+    // Both cameras see the floor along the wall, where surfels of the lit side overlap it.
     for _ in 0..3 {
         lit.invalidate(surfelcast_techniques::Change::Camera);
         dark.invalidate(surfelcast_techniques::Change::Camera);
@@ -34,8 +34,8 @@ fn light_in_the_dark(settings: SurfelSettings, seed: u64) -> f64 {
 }
 
 #[test]
-fn a_dark_room_beside_a_lit_one_stays_dark() {
-    // Single surfels beside the wall decide how much it is.
+fn a_dark_room_next_to_a_lit_one_stays_dark() {
+    // The value depends on single surfels next to the wall.
     let draws = [5, 6, 7, 8].map(|seed| light_in_the_dark(SurfelSettings::BALANCED, seed));
     let with_depth = draws.iter().sum::<f64>() / draws.len() as f64;
     let without = light_in_the_dark(SurfelSettings { respects_depth: false, ..SurfelSettings::BALANCED }, 5);

@@ -1,4 +1,4 @@
-//! What is promised of the surfel cache, on scenes whose answer is known.
+//! Promises of the surfel cache, on scenes with a known solution.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 

@@ -1,4 +1,4 @@
-//! A cache outlives the process, and no file can harm it.
+//! A cache outlives the process, and a damaged snapshot does no harm.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::Scene;
@@ -17,7 +17,7 @@ fn room() -> Vec<Face> {
     faces
 }
 
-/// A settled cache as bytes; its picture's B and how many surfels there are one frame later.
+/// A snapshot of a converged cache; irradiance over pi in its image and its number of surfels one frame later.
 fn settled(gpu: &Gpu, scene: &Scene) -> (Vec<u8>, Vec<[f32; 4]>, u32) {
     let rig = Rig::new(gpu, scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
@@ -40,18 +40,14 @@ fn the_first_frame_after_a_restart_is_the_converged_one() {
     rig.session.offer_snapshot(IDENTITY, bytes);
     let mut picture = rig.picture();
     let rays = rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 1);
-    assert_eq!(rays, 0, "the restored cache had to be traced");
+    assert_eq!(rays, 0, "the restored cache traced rays");
     let (_, irradiance) = picture.split().unwrap();
-    assert!(rig.read(irradiance) == before, "B differs from before the restart");
-    assert_eq!(
-        picture.surfels().unwrap()[0],
-        count,
-        "restored surfels were not found, and new ones put in their places"
-    );
+    assert!(rig.read(irradiance) == before, "irradiance differs from before the restart");
+    assert_eq!(picture.surfels().unwrap()[0], count, "restored surfels were not found, and new ones spawned");
 }
 
 #[test]
-fn what_edges_have_learnt_outlives_the_process() {
+fn measured_edges_outlive_the_process() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
@@ -66,7 +62,7 @@ fn what_edges_have_learnt_outlives_the_process() {
 }
 
 #[test]
-fn damaged_and_foreign_files_are_refused_and_the_cache_is_made_anew() {
+fn damaged_and_foreign_snapshots_are_refused_and_a_new_cache_is_made() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let (bytes, ..) = settled(&gpu, &scene);
@@ -85,17 +81,17 @@ fn damaged_and_foreign_files_are_refused_and_the_cache_is_made_anew() {
     assert!(refusal(&bytes, &other_scene, SETTINGS).contains("another scene"));
     let other_settings = SurfelSettings { radius_pixels: 9.0, ..SETTINGS };
     assert!(refusal(&bytes, &IDENTITY, other_settings).contains("other settings"));
-    // A flipped bit anywhere is noticed.
+    // A flipped bit anywhere is detected.
     let step = bytes.len() / 97 + 1;
     for at in (0..bytes.len()).step_by(step) {
         let mut flipped = bytes.clone();
         flipped[at] ^= 1 << (at % 8);
         assert!(restore(&flipped, &IDENTITY, SETTINGS).is_err(), "byte {at}");
     }
-    // Other lights than then: the surfels stay, and their light is measured again.
+    // Other lights than at the time of the snapshot: the surfels stay, and their light is measured again.
     let other_lights = SnapshotIdentity { lights: [7; 32], ..IDENTITY };
     assert_eq!(restore(&bytes, &other_lights, SETTINGS).unwrap().counts(), restored.counts());
-    // A session that is offered rubbish starts from nothing.
+    // With an invalid snapshot, a session starts from an empty cache.
     rig.session.offer_snapshot(IDENTITY, vec![0; 1000]);
     let mut picture = rig.picture();
     assert!(rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 2) > 0);

@@ -1,4 +1,4 @@
-//! What a picture pins stays, however full the cache gets from elsewhere.
+//! What a view pins stays, however many surfels other views need.
 
 use std::collections::BTreeSet;
 
@@ -11,8 +11,8 @@ use crate::scenes::{Face, Paint, inside_of_box, scene};
 
 const SMALL: [u32; 2] = [48, 48];
 const LARGE: [u32; 2] = [576, 576];
-// Rays are not served from the cache, so that the surfels of a room do not keep each other in use. The large picture
-// wants more surfels than fit.
+// Rays are not served from the cache, so that the surfels of a room do not keep each other in use. The large image
+// requests more surfels than fit.
 const SETTINGS: SurfelSettings = SurfelSettings {
     capacity: 65_536,
     radius_pixels: 1.5,
@@ -23,7 +23,7 @@ const SETTINGS: SurfelSettings = SurfelSettings {
     ..SurfelSettings::BALANCED
 };
 
-/// Two closed rooms that see nothing of each other.
+/// Two closed rooms, neither of which is visible from the other.
 fn two_rooms() -> Vec<Face> {
     let glow = Paint { albedo: 0.5, emission: 0.5, is_unlit: false };
     let mut faces = inside_of_box([-3.0, -1.0, -1.0], [-1.0, 1.0, 1.0], glow);
@@ -61,11 +61,11 @@ fn pinned_surfels_outlive_a_cache_full_of_others() {
         }
     }
     assert!(is_full(right.as_ref()), "{:?}", right.surfels());
-    // Updates on, until what nobody looks at is due several times over.
+    // Many updates later, when surfels out of sight are due for recycling several times over.
     let mut small = picture(&mut rig, SMALL, false);
     rig.frames(small.as_mut(), elsewhere, 110);
     let stay = pinned.intersection(&serials(&gpu, &rig.session)).count();
-    // Nothing else kept them: without the picture that pins they go.
+    // Nothing else kept them: without the pinning view they are recycled.
     drop(left);
     rig.frames(small.as_mut(), elsewhere, 140);
     let stay_unpinned = pinned.intersection(&serials(&gpu, &rig.session)).count();

@@ -1,4 +1,4 @@
-//! What the solve over the surfels promises.
+//! Promises of the solve over the surfels.
 
 use surfelcast_techniques::SurfelSettings;
 use surfelcast_techniques::surfel::Reconstruction;
@@ -12,7 +12,7 @@ fn luminance(c: [f32; 3]) -> f64 {
     f64::from(c[0]) * 0.2126 + f64::from(c[1]) * 0.7152 + f64::from(c[2]) * 0.0722
 }
 
-/// A room with a lamp under the ceiling and a board that stands in the way.
+/// A room with a lamp under the ceiling and a board that casts a shadow.
 pub(crate) fn room() -> Vec<Face> {
     let mut faces = inside_of_box([-1.0; 3], [1.0; 3], Paint::matte(0.6));
     let lamp = vec![[-0.3, 0.95, -0.3], [0.3, 0.95, -0.3], [0.3, 0.95, 0.3], [-0.3, 0.95, 0.3]];
@@ -36,7 +36,7 @@ fn pictures(reconstruction: Reconstruction, frames: u32) -> Vec<f32> {
     rig.read(irradiance).iter().map(|pixel| pixel[0]).collect()
 }
 
-/// Reconnected rays measure what converged values differ by, across corners, contacts and shadow edges alike.
+/// Reconnected rays measure the differences of converged values, across corners, contacts and shadow edges alike.
 #[test]
 fn reconnected_rays_measure_the_differences_of_converged_values() {
     let gpu = gpu();
@@ -78,7 +78,7 @@ fn reconnected_rays_measure_the_differences_of_converged_values() {
     assert!(average.abs() < 0.1 && rms < 1.2 && far < 0.01, "{average} {rms} {far}");
 }
 
-/// The solve lowers the error of the first frames by much, and still lowers it when values are good by themselves.
+/// The solve lowers the error of the first frames by much, and still lowers it when the values alone are good.
 #[test]
 fn reconstruction_lowers_the_error_early_and_never_raises_it() {
     let truth = pictures(Reconstruction::None, 256);
@@ -91,7 +91,7 @@ fn reconstruction_lowers_the_error_early_and_never_raises_it() {
     }
 }
 
-/// Values and differences weigh against each other without gaining or losing light.
+/// The solve weights values and differences without gaining or losing light.
 #[test]
 fn reconstruction_keeps_the_energy() {
     let truth = mean(&pictures(Reconstruction::None, 96));
@@ -100,16 +100,16 @@ fn reconstruction_keeps_the_energy() {
     assert!((solved / truth - 1.0).abs() < 0.02, "{solved} {truth}");
 }
 
-/// Where the regression knows all that differences could say, next to no rays are spent on them.
+/// Where differences add nothing to the regression, hardly any rays are spent on them.
 #[test]
-fn differences_that_say_nothing_new_are_hardly_measured() {
+fn differences_that_add_nothing_are_hardly_measured() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let at = camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]);
     let [without, with] = [Reconstruction::Regression, Reconstruction::Poisson].map(|reconstruction| {
         let rig = Rig::new(&gpu, &scene, settings(reconstruction), SIZE);
         let mut picture = rig.picture();
-        // Young surfels measure them, to learn whether they pay.
+        // Surfels of few rays measure them, to find out whether they pay.
         rig.frames(picture.as_mut(), at, 8);
         rig.rays(picture.as_mut(), at, 32, u64::MAX)[2]
     });

@@ -27,7 +27,7 @@ fn two_hundred_frames_of_a_moving_camera_repeat_to_the_bit() {
         frames
     };
     let whole = walk(u64::MAX);
-    // The size of the pieces follows the clock in the server, so it must not show.
+    // The size of the pieces follows the clock in the server, so it must not change the result.
     let in_pieces = walk(1500);
     for (frame, (a, b)) in whole.iter().zip(&in_pieces).enumerate() {
         assert!(a == b, "frame {frame} differs");
@@ -36,10 +36,10 @@ fn two_hundred_frames_of_a_moving_camera_repeat_to_the_bit() {
 }
 
 #[test]
-fn a_full_cache_goes_on_and_stays_finite() {
+fn a_full_cache_keeps_working_and_stays_finite() {
     let gpu = gpu();
     let scene = scene(&inside_of_box([-1.0; 3], [1.0; 3], Paint { albedo: 0.5, emission: 0.5, is_unlit: false }), 0.0);
-    // Far more surfels are wanted than fit.
+    // Far more surfels are requested than fit.
     let settings = SurfelSettings { capacity: 65_536, radius_pixels: 1.5, coverage: 2.0, ..SurfelSettings::BALANCED };
     let rig = Rig::new(&gpu, &scene, settings, [512, 512]);
     let mut picture = rig.picture();
@@ -55,7 +55,7 @@ fn a_full_cache_goes_on_and_stays_finite() {
     assert_eq!(live, capacity);
     let before = serials();
     rig.frames(picture.as_mut(), view, 8);
-    // More are wanted in every frame; none may take the place of one that is in use.
+    // More are requested in every frame; none may overwrite one that is in use.
     assert!(serials() == before, "a surfel in use was overwritten");
     assert!(rig.values(picture.as_ref()).iter().all(|value| value.is_finite() && *value < 4.0));
 }

@@ -1,4 +1,4 @@
-//! Direct light taken over from the frame before: less noise while the camera moves, nothing that stays.
+//! Direct light reused from the frame before: less noise while the camera moves, no lasting effect.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
@@ -10,16 +10,16 @@ use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};
 
 const SIZE: [u32; 2] = [64, 48];
 
-/// The camera after so many steps of an orbit, each of about a pixel. It looks down, since lamps in view would be an
-/// error of their own: one sample a pixel hits them or not.
+/// The camera after `step` steps of an orbit, each of about a pixel. It looks down, since lamps in view would have an
+/// error of their own: the one sample per pixel hits them or not.
 fn orbit(step: u32) -> Camera {
     let angle = f64::from(step) * 0.015;
     camera([1.6 * angle.sin(), 0.6, 1.6 * angle.cos()], [0.0, -0.9, 0.0])
 }
 
 fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, reuses_direct: bool) -> Rig<'a> {
-    // The rays that an update of so few pixels traces at least: more than asked for would be a reason to take more
-    // samples of them.
+    // The least number of rays that an update traces: if it were above the configured one, frames would take more
+    // samples per pixel.
     let settings = SurfelSettings { reuses_direct, rays_per_pixel: 2.0, ..SurfelSettings::BALANCED };
     Rig { is_split: false, ..Rig::new(gpu, scene, settings, SIZE) }
 }
@@ -30,7 +30,7 @@ fn one_frame(rig: &Rig<'_>, picture: &mut dyn Technique, at: Camera) -> Vec<f32>
     rig.values(picture)
 }
 
-/// The picture once it has settled, of other samples than pictures that have not moved.
+/// The converged image, from other samples than images that have not moved.
 fn converged(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
     let rig = rig(gpu, scene, true);
     let mut picture = rig.picture();
@@ -41,7 +41,7 @@ fn converged(gpu: &Gpu, scene: &Scene, at: Camera) -> Vec<f32> {
 }
 
 #[test]
-fn an_orbit_under_many_lamps_loses_most_of_its_noise_and_rests_without_bias() {
+fn an_orbit_under_many_lamps_loses_most_of_its_noise_and_ends_without_bias() {
     let gpu = gpu();
     let scene = many_lamps();
     let looked_at = [14, 20, 26];
@@ -67,7 +67,7 @@ fn an_orbit_under_many_lamps_loses_most_of_its_noise_and_rests_without_bias() {
     println!("error while moving: {reused:.4} with, {plain:.4} without: {:.2}", reused / plain);
     println!("at rest with    {reused_rest:.4?}\nat rest without {plain_rest:.4?}");
     assert!(reused < 0.6 * plain);
-    // Coming to rest is never worse than starting over, and in the end it is the same.
+    // After a stop the error is never above that of a fresh start, and in the end it is the same.
     assert!(reused_rest.iter().zip(&plain_rest).all(|(with, without)| *with < 1.1 * without));
     assert!(reused_rest.windows(2).all(|pair| pair[1] < 1.1 * pair[0]), "noise rises");
     assert!((reused_rest[6] / plain_rest[6] - 1.0).abs() < 0.1);
@@ -75,7 +75,7 @@ fn an_orbit_under_many_lamps_loses_most_of_its_noise_and_rests_without_bias() {
 }
 
 #[test]
-fn the_first_frame_after_an_edit_of_the_light_is_that_of_a_fresh_start() {
+fn the_first_frame_after_a_lighting_change_is_that_of_a_fresh_start() {
     let gpu = gpu();
     let scene = many_lamps();
     let mut rig = rig(&gpu, &scene, true);
@@ -88,10 +88,10 @@ fn the_first_frame_after_an_edit_of_the_light_is_that_of_a_fresh_start() {
         rig.lights = LightBuffers::new(&gpu, &scene, &state).unwrap();
         rig.session.invalidate(Change::Lights);
         picture.invalidate(Change::Lights);
-        // The renderer starts every new picture with this.
+        // The renderer calls this for every new image.
         picture.invalidate(Change::Camera);
         rig.frames(picture.as_mut(), orbit(9), 1);
-        // A picture without a past, which finds the same state of the cache.
+        // An image without a history, with the same state of the cache.
         let mut fresh = rig.picture();
         rig.frames(fresh.as_mut(), orbit(9), 1);
         assert!(rig.read(picture.picture()) == rig.read(fresh.picture()), "strength {emissive_strength}");
@@ -130,21 +130,21 @@ fn an_edge_that_moves_over_a_bright_wall_leaves_no_ghost() {
     };
     let [with, without, truth] = [&with[11], &without[11], &truth].map(|picture| by_column(picture));
     let contrast = truth.iter().copied().fold(0.0, f64::max) - truth.iter().copied().fold(f64::MAX, f64::min);
-    // A trail would be dark on the bright wall beside the dark one, or bright on the dark one.
+    // A ghost would be dark on the bright wall next to the dark one, or bright on the dark one.
     let more_wrong = (0..truth.len()).map(|i| (with[i] - truth[i]).abs() - (without[i] - truth[i]).abs());
     let worst = more_wrong.fold(0.0, f64::max) / contrast;
     println!("worst column: {worst:.4} of the contrast of {contrast:.3} more with reuse than without");
-    // Shadows by the wall's edge get a little softer; a ghost of the dark wall would be four times as wrong.
+    // Shadows at the wall's edge become a little softer; a ghost of the dark wall would be four times as large.
     assert!(worst < 0.05);
 }
 
 #[test]
-fn a_sharper_picture_starts_from_the_frame_of_a_coarse_one() {
+fn a_sharper_image_starts_from_the_frame_of_a_coarse_one() {
     let gpu = gpu();
     let scene = many_lamps();
     let truth = converged(&gpu, &scene, orbit(8));
     let mut rig = rig(&gpu, &scene, true);
-    // The filter takes the same noise away from either.
+    // The filter would remove the same noise from both.
     rig.settings.filters_direct = false;
     let gesture = |rig: &mut Rig<'_>| {
         rig.size = [SIZE[0] / 2, SIZE[1] / 2];
@@ -171,7 +171,7 @@ fn a_sharper_picture_starts_from_the_frame_of_a_coarse_one() {
     }
     println!("after 1, 4 and 32 frames: without {:.4?}, with {:.4?}", errors[0], errors[1]);
     assert!(errors[1][0] < 0.7 * errors[0][0] && (errors[1][2] / errors[0][2] - 1.0).abs() < 0.15);
-    // Under other lights there is nothing to hand on.
+    // Under other lights there is no frame to hand on.
     let mut coarse = gesture(&mut rig);
     coarse.invalidate(Change::Lights);
     assert!(coarse.leave_frame().is_none());

@@ -1,4 +1,4 @@
-//! Renders small pictures with the surfel technique.
+//! Renders small images with the surfel technique.
 
 use glam::DVec3;
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
@@ -27,7 +27,7 @@ pub(crate) struct Rig<'a> {
     pub(crate) settings: SurfelSettings,
     pub(crate) materials: MaterialMode,
     pub(crate) size: [u32; 2],
-    /// Size that surfels are made for.
+    /// Full size, which decides on the radii of surfels.
     pub(crate) full_size: [u32; 2],
     pub(crate) is_split: bool,
 }
@@ -65,17 +65,17 @@ impl<'a> Rig<'a> {
         (entry.create)(self.gpu, &self.buffers, &self.lights, &self.session, options).unwrap()
     }
 
-    /// Renders until a picture has so many frames; returns further rays of paths, those for shadows not counted.
+    /// Renders until the image has `frames` frames. Returns the number of secondary rays, without shadow rays.
     pub(crate) fn frames(&self, picture: &mut dyn Technique, camera: Camera, frames: u32) -> u64 {
         self.frames_in_pieces(picture, camera, frames, u64::MAX)
     }
 
-    /// The same in submissions of so many paths.
+    /// The same in steps of at most `paths` paths.
     pub(crate) fn frames_in_pieces(&self, picture: &mut dyn Technique, camera: Camera, frames: u32, paths: u64) -> u64 {
         self.rays(picture, camera, frames, paths)[1]
     }
 
-    /// The same; returns camera rays, further rays and shadow rays.
+    /// The same; returns the numbers of camera rays, secondary rays and shadow rays.
     pub(crate) fn rays(&self, picture: &mut dyn Technique, camera: Camera, frames: u32, paths: u64) -> [u64; 3] {
         let view = FrameView { camera, size: self.size, exposure: 1.0 };
         let mut rays = [0; 3];
@@ -95,7 +95,7 @@ impl<'a> Rig<'a> {
         bytemuck::pod_collect_to_vec(&bytes)
     }
 
-    /// Red channel of the picture.
+    /// Red channel of the image.
     pub(crate) fn values(&self, picture: &dyn Technique) -> Vec<f32> {
         self.read(picture.picture()).iter().map(|pixel| pixel[0]).collect()
     }
@@ -105,7 +105,7 @@ pub(crate) fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64
 }
 
-/// RMSE of tone-mapped pictures.
+/// RMSE of tone-mapped images.
 pub(crate) fn tone_mapped_rmse(values: &[f32], truth: &[f32]) -> f64 {
     let tone = |x: &f32| x / (1.0 + x);
     let [values, truth] = [values, truth].map(|picture| picture.iter().map(tone).collect::<Vec<_>>());

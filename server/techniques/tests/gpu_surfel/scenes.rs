@@ -22,7 +22,7 @@ impl Paint {
     }
 }
 
-/// Corners of a polygon of three or four, counter-clockwise seen from the side that is its front, and its paint.
+/// Corners of a triangle or quadrilateral, counter-clockwise seen from its front, and its paint.
 pub(crate) type Face = (Vec<[f32; 3]>, Paint);
 
 /// A scene of faces under a constant sky.
@@ -90,7 +90,7 @@ pub(crate) fn lamp(x: f32, z: f32, half: f32, emission: f32) -> Face {
     (corners.map(|[dx, dz]| [x + dx, y, z + dz]).to_vec(), Paint::lamp(emission))
 }
 
-/// A room under many lamps of different strength with a wall that stands free.
+/// A room under many lamps of different strength, with a free-standing wall.
 pub(crate) fn many_lamps() -> Scene {
     let mut faces = inside_of_box([-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], Paint::matte(0.3));
     faces.push(upright([-0.5, 0.5], [-1.0, 0.4], 0.0, Paint::matte(0.8)));

@@ -1,5 +1,5 @@
-//! A picture at rest becomes the path-traced truth, and is never much worse than the better of its two halves on the
-//! way.
+//! An image at rest converges to the path-traced truth, and is never much worse than the better of the two images that
+//! it blends.
 
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
@@ -13,9 +13,9 @@ use crate::rig::{Rig, camera, gpu, tone_mapped_rmse};
 use crate::scenes::{Paint, inside_of_box, scene};
 
 const SIZE: [u32; 2] = [48, 36];
-/// The multiscale estimator never comes to rest and nothing is made of what it says, so that the cache stays a good
-/// deal off and the test need not run long. Rays are those that an update of so few pixels traces at least: more than
-/// asked for would be a reason to take more samples of them.
+/// The multiscale estimator never converges and nothing is reconstructed from it, so that the cache keeps a large error
+/// and the test need not run long. Rays are the least number that an update traces: if that were above the configured
+/// one, frames would take more samples per pixel.
 const COARSE: SurfelSettings = SurfelSettings {
     rays_per_pixel: 2.4,
     estimator: Estimator::Multiscale,
@@ -35,7 +35,7 @@ fn rig<'a>(gpu: &'a Gpu, scene: &'a Scene, settings: SurfelSettings) -> Rig<'a> 
     rig
 }
 
-/// Renders until a picture has so many samples; returns rays of all kinds.
+/// Renders until an image has `samples` samples per pixel. Returns its number of rays.
 fn render(rig: &Rig<'_>, picture: &mut dyn Technique, samples: u32, paths: u64) -> u64 {
     let view = FrameView { camera: view(), size: SIZE, exposure: 1.0 };
     let mut rays = 0;
@@ -48,7 +48,7 @@ fn render(rig: &Rig<'_>, picture: &mut dyn Technique, samples: u32, paths: u64) 
     rays
 }
 
-/// A path-traced picture and its rays.
+/// A path-traced image and its number of rays.
 fn path(rig: &Rig<'_>, samples: u32, seed: u64) -> (Vec<f32>, u64) {
     let mut picture = rig.picture_by("path", seed);
     let rays = render(rig, picture.as_mut(), samples, u64::MAX);
@@ -60,13 +60,13 @@ fn mse(values: &[f32], truth: &[f32]) -> f64 {
 }
 
 #[test]
-fn a_picture_at_rest_settles_to_the_truth_and_is_never_worse_than_its_halves() {
+fn an_image_at_rest_converges_to_the_truth_and_is_never_worse_than_what_it_blends() {
     let gpu = gpu();
     let scene = scene(&room(), 0.0);
     let settling = rig(&gpu, &scene, COARSE);
     let (truth, _) = path(&settling, TRUTH_SAMPLES, 77);
     let (noisy, path_rays) = path(&settling, 64, 78);
-    // What a path tracer's picture costs to an error, and what is left of noise in the truth.
+    // Error of a path-traced image by its cost, and the noise left in the truth.
     let path_cost = mse(&noisy, &truth) * path_rays as f64;
     let floor = path_cost / (path_rays as f64 / 64.0 * f64::from(TRUTH_SAMPLES));
 
@@ -82,7 +82,7 @@ fn a_picture_at_rest_settles_to_the_truth_and_is_never_worse_than_its_halves() {
     for samples in [1, 4, 8, 12, 16, 24, 32, 64, 128, 256, 512] {
         rays += render(&settling, picture.as_mut(), samples, u64::MAX);
         let error = mse(&settling.values(picture.as_ref()), &truth) - floor;
-        // The best of the cache's pictures that cost no more.
+        // The best of the cache's images that cost no more.
         let cheaper = of_cache.iter().filter(|(cost, _)| *cost <= rays).map(|(_, error)| *error - floor);
         let cache = cheaper.fold(f64::INFINITY, f64::min);
         let paths = path_cost / rays as f64;
@@ -97,7 +97,7 @@ fn a_picture_at_rest_settles_to_the_truth_and_is_never_worse_than_its_halves() {
         last = (error, cache, paths);
     }
     let (error, cache, _) = last;
-    assert!(error < 0.35 * cache, "the picture stays with the cache: {error} {cache}");
+    assert!(error < 0.35 * cache, "the image does not converge: {error} {cache}");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn settling_gives_the_same_bytes_in_any_pieces() {
         render(&rig, picture.as_mut(), 40, paths);
         rig.read(picture.picture())
     };
-    assert!(values(u64::MAX) == values(5000), "pieces change the picture");
+    assert!(values(u64::MAX) == values(5000), "pieces change the image");
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn motion_returns_to_the_cache_at_once() {
     picture.invalidate(Change::Camera);
     let rays = render(&settling, picture.as_mut(), 1, u64::MAX);
     assert_eq!(picture.samples(), 1);
-    assert!(settling.read(picture.picture()) != settled, "the old picture is still shown");
+    assert!(settling.read(picture.picture()) != settled, "the old image is still shown");
     assert!(rays < 12 * u64::from(SIZE[0] * SIZE[1]), "{rays} rays in a frame of the cache");
 }
 
@@ -140,7 +140,7 @@ fn a_few_frames_cost_no_path() {
     assert_eq!(rays(true), rays(false));
 }
 
-/// Where every pixel is right already, mixing changes nothing.
+/// Where every pixel is exact already, the blend changes nothing.
 #[test]
 fn a_furnace_stays_white() {
     let gpu = gpu();

@@ -1,4 +1,4 @@
-//! Drawing surfels onto the picture gives what gathering them gives.
+//! Drawn surfels give the same light as gathered ones.
 
 use surfelcast_gpu::Buffer;
 use surfelcast_scene::{Camera, LoadOptions, Scene, ViewFile, demo, load_bytes};
@@ -8,7 +8,7 @@ use surfelcast_techniques::{Apply, FrameView, SurfelSettings};
 use crate::rig::{Rig, gpu, mean};
 
 const SIZE: [u32; 2] = [96, 72];
-/// Sum of weights below which a pixel would trace a path instead.
+/// Trust below which a pixel would trace a path instead.
 const TRUSTED: f32 = 0.06;
 
 fn demo_scene(name: &str) -> (Scene, Camera) {
@@ -31,8 +31,8 @@ fn applied(rig: &Rig<'_>, picture: &dyn Technique, camera: Camera, apply: Apply)
     rig.read(&buffer)[..pixels].to_vec()
 }
 
-/// Of the pixels that a gather trusts: the share that `other` trusts too, and among those the share whose B differs by
-/// more than 0.1 %, and the mean of the relative differences.
+/// Of the pixels that a gather trusts: the share that `other` trusts too, and among those the share whose irradiance
+/// differs by more than 0.1 %, and the mean of the relative differences.
 fn compare(gathered: &[[f32; 4]], other: &[[f32; 4]]) -> [f64; 3] {
     let trusted: Vec<_> = gathered.iter().zip(other).filter(|(a, _)| a[3] > TRUSTED).collect();
     assert!(trusted.len() > gathered.len() / 4, "{} trusted pixels", trusted.len());
@@ -51,8 +51,8 @@ fn compare(gathered: &[[f32; 4]], other: &[[f32; 4]]) -> [f64; 3] {
 /// Boxes and quads against a gather from one camera.
 fn check(rig: &Rig<'_>, picture: &dyn Technique, camera: Camera, name: &str, boxes: [f64; 2]) {
     let gathered = applied(rig, picture, camera, Apply::Gather);
-    // Quads miss what lies off their plane, at the borders of grazing surfaces.
-    // Sums in 16-bit floats are off by that much.
+    // Quads miss what lies off their plane, at the borders of surfaces at grazing angles.
+    // Error of sums in 16-bit floats.
     let [off_by_boxes, by_boxes] = if rig.gpu.draws_full_floats() { boxes } else { [0.1, 6e-3] };
     for (apply, [least_found, most_off, most_difference]) in
         [(Apply::Boxes, [0.999, off_by_boxes, by_boxes]), (Apply::Quads, [0.98, 0.1, 1e-2])]
@@ -72,9 +72,9 @@ fn boxes_give_the_light_that_a_gather_gives_and_quads_nearly() {
     let rig = Rig::new(&gpu, &scene, SurfelSettings::BALANCED, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), home, 8);
-    // Only the order of sums may differ for boxes.
+    // Boxes may differ only by the order of sums.
     check(&rig, picture.as_ref(), home, "cornell box", [0.0, 1e-6]);
-    // Along a wall, the eye within the boxes of the surfels beside it.
+    // Along a wall, with the camera inside the boxes of the surfels next to it.
     let towards = (home.target - home.position).normalize_or(-home.up);
     let hit = surfelcast_scene::trace::closest_hit(
         &scene.geometry,
@@ -91,12 +91,12 @@ fn boxes_give_the_light_that_a_gather_gives_and_quads_nearly() {
     let rig = Rig::new(&gpu, &scene, SurfelSettings::BALANCED, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), home, 8);
-    // Behind the still life slots of the grid overflow, of which a gather reads a random choice.
+    // Behind the still life, slots of the grid overflow, of which a gather reads a random subset.
     check(&rig, picture.as_ref(), home, "interior", [0.02, 3e-3]);
 }
 
 #[test]
-fn pictures_by_boxes_share_the_cache_match_and_repeat() {
+fn images_by_boxes_share_the_cache_match_and_repeat() {
     let gpu = gpu();
     let (scene, view) = demo_scene("cornell_box");
     let run = |apply: Apply, paths: u64| {
@@ -107,7 +107,7 @@ fn pictures_by_boxes_share_the_cache_match_and_repeat() {
         let mut second = rig.picture();
         assert!(
             std::sync::Arc::ptr_eq(&first.surfel_cache().unwrap(), &second.surfel_cache().unwrap()),
-            "another way of applying is no reason for another cache"
+            "both ways of applying share one cache"
         );
         rig.frames_in_pieces(second.as_mut(), view, 4, paths);
         rig.read(second.picture())
@@ -121,5 +121,5 @@ fn pictures_by_boxes_share_the_cache_match_and_repeat() {
     let most = if gpu.draws_full_floats() { 1e-5 } else { 1e-3 };
     assert!(share < most * mean_value);
     assert!(gathered != run(Apply::Quads, u64::MAX), "nothing was drawn");
-    assert!(drawn == run(Apply::Boxes, 1000), "pieces show in the picture");
+    assert!(drawn == run(Apply::Boxes, 1000), "pieces change the image");
 }

@@ -1,4 +1,4 @@
-//! What comes out of the reconstruction.
+//! The results of the reconstruction.
 
 use surfelcast_passes::poisson::Norm;
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
@@ -29,7 +29,7 @@ fn rmse(picture: &[[f32; 4]], truth: &[[f32; 4]]) -> f64 {
     (squares / (3.0 * picture.len() as f64)).sqrt()
 }
 
-/// The base paths are those of `path`: the same random numbers make the same picture before reconstruction.
+/// The base paths are those of `path`: the same random numbers give the same image before reconstruction.
 #[test]
 fn values_are_those_of_path_tracing() {
     let gpu = gpu();
@@ -38,7 +38,7 @@ fn values_are_those_of_path_tracing() {
         let mut technique = rig.gradient(3, Reconstruction::None);
         rig.render(&mut technique, 8, u64::MAX);
         let (values, path) = (rig.read(technique.picture()), rig.picture("path", 3, 8));
-        // A last bit may round otherwise and send a path elsewhere; nearly all pixels must agree.
+        // A different rounding of the last bit may change a path; nearly all pixels must agree.
         let is_same =
             |(a, b): &(&[f32; 4], &[f32; 4])| (0..3).all(|i| (a[i] - b[i]).abs() <= 2e-3 * a[i].abs().max(0.01));
         let same = values.iter().zip(&path).filter(is_same).count();
@@ -48,7 +48,7 @@ fn values_are_those_of_path_tracing() {
     }
 }
 
-/// A closed room that emits 1 - albedo and reflects albedo shines with radiance 1 everywhere, so all differences are 0.
+/// A closed room that emits 1 - albedo and reflects albedo has radiance 1 everywhere, so all differences are 0.
 #[test]
 fn furnaces_stay_white() {
     let gpu = gpu();
@@ -88,8 +88,7 @@ fn least_squares_keep_the_energy() {
     }
 }
 
-/// Over many seeds the mean of reconstructions of few samples is the truth: not only is energy kept, it stays in its
-/// place.
+/// Over many seeds the mean of reconstructions of few samples is the truth: the energy is preserved at every pixel.
 #[test]
 fn reconstruction_has_no_bias() {
     let gpu = gpu();
@@ -137,7 +136,7 @@ fn differences_pay_at_equal_samples() {
 
 /// The same request gives the same bytes, however it is cut into submissions.
 #[test]
-fn pieces_do_not_show() {
+fn pieces_change_nothing() {
     let gpu = gpu();
     let setting = glossy();
     let rig = Rig::new(&gpu, &setting, SIZE);
@@ -152,8 +151,7 @@ fn pieces_do_not_show() {
     }
 }
 
-/// The first picture comes from the general kernels; those that fit the scene take over in the middle of an
-/// accumulation.
+/// The first image comes from the general kernels; those that fit the scene replace them during an accumulation.
 #[test]
 fn the_general_kernels_render_the_same() {
     let gpu = gpu();
