@@ -94,7 +94,7 @@ fn build(files: impl Iterator<Item = (String, String)>) -> Catalogue {
     Catalogue { modules, kernels }
 }
 
-/// Kernels are in the folder `kernels` of a technique; whatever they import is beside it.
+/// Kernels are in the folder `kernels` of a technique; the other files are what they import.
 fn is_kernel(file: &str) -> bool {
     file.strip_prefix("techniques/").and_then(|file| file.split('/').nth(1)) == Some("kernels")
 }

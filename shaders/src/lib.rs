@@ -2,8 +2,8 @@
 //!
 //! * `lib/` holds WESL modules that kernels import (`import package::lib::core::rng::next_float;`).
 //! * `techniques/<id>/kernels/` holds kernels: one entry point per file, named like the file, or two if it draws,
-//!   `<file>_vertex` and `<file>_fragment`. That one name is also the label of the pass and of its timer. The modules that
-//!   the kernels of a technique import are next to that folder.
+//!   `<file>_vertex` and `<file>_fragment`. That one name is also the label of the pass and of its timer. The modules
+//!   that the kernels of a technique import are next to that folder.
 //! * [`link`] turns a kernel and a set of [`Features`] into plain WGSL with a [`Reflection`] of what it binds.
 //! * [`constants`] are written once, in Rust, and imported by shaders from `package::constants`.
 //! * [`layout`] holds the structures that cross from the host to shaders; a test compares each with the WGSL structure

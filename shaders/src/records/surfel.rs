@@ -231,7 +231,7 @@ pub mod surfel_switches {
     /// The present view is so small that coarse surfels suffice.
     pub const COARSE: u32 = 512;
     /// Surfels without a ray are updated first.
-    pub const NEWBORN_FIRST: u32 = 1024;
+    pub const NEW_FIRST: u32 = 1024;
     /// The target radius of the present view is small in pixels.
     pub const FINE_TILES: u32 = 2048;
 }

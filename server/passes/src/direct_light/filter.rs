@@ -110,7 +110,7 @@ impl LightFilter {
             .bind("visible_points", unfiltered.points)
             .bind("diffuse_light", unfiltered.diffuse)
             .bind("history", history)
-            .bind("picture", unfiltered.image)
+            .bind("unfiltered", unfiltered.image)
             .bind("earlier_light", &self.earlier)
             .bind("filtered", &self.filtered)
             .dispatch(workgroups)?;
@@ -120,7 +120,7 @@ impl LightFilter {
             .uniform("filtering", bytemuck::bytes_of(&uniforms))
             .bind("diffuse_light", unfiltered.diffuse)
             .bind("history", history)
-            .bind("picture", unfiltered.image)
+            .bind("unfiltered", unfiltered.image)
             .bind("filtered", &self.filtered)
             .bind("shown", &self.shown)
             .dispatch(workgroups)

@@ -34,7 +34,7 @@ pub(crate) const SOLVE_KERNELS: &[&str] = &[
     "neighbours_residual",
     "neighbours_product",
     "neighbours_advance",
-    "neighbours_turn",
+    "neighbours_direction",
 ];
 
 /// Slots of edges for each surfel.
@@ -353,9 +353,9 @@ impl SurfelCache {
     ) -> Result<(), GpuError> {
         for iteration in 0..ITERATIONS {
             let uniforms = SurfelUniforms { first_item: iteration, ..*uniforms };
-            for name in ["neighbours_product", "neighbours_advance", "neighbours_turn"] {
+            for name in ["neighbours_product", "neighbours_advance", "neighbours_direction"] {
                 // After the last step no direction is needed.
-                if name != "neighbours_turn" || iteration + 1 < ITERATIONS {
+                if name != "neighbours_direction" || iteration + 1 < ITERATIONS {
                     self.neighbour_pass(graph, kernels, name, &uniforms, (0, 1))?.dispatch(sum_groups(self.live))?;
                 }
             }

@@ -138,7 +138,7 @@ impl SurfelCache {
         }
         let mut uniforms = self.uniforms(budget);
         if new_first {
-            uniforms.switches |= surfel_switches::NEWBORN_FIRST;
+            uniforms.switches |= surfel_switches::NEW_FIRST;
         }
         let surfels = workgroups_of(self.live);
         let mut graph = gpu.graph("surfel_requests");

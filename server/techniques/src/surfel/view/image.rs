@@ -148,7 +148,7 @@ impl ImageReconstruction {
         let mut pass = graph
             .pass(&self.compose)
             .uniform("frame", bytemuck::bytes_of(&frame))
-            .bind("gathered_picture", gathered.image)
+            .bind("gathered_image", gathered.image)
             .bind("image_values", &self.values)
             .bind("image_shares", &self.shares)
             .bind("poisson_solution", &self.solution)
