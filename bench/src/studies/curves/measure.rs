@@ -17,7 +17,7 @@ const WARM_FRAMES: u32 = 64;
 /// Separates the random numbers of that camera from those of the measured one.
 const WARM_SEED: u64 = 1 << 32;
 /// Prefix of the names of passes that reconstruct light over the neighbours of surfels.
-const RECONSTRUCTION_PASSES: &str = "graph_";
+const RECONSTRUCTION_PASSES: &str = "neighbours_";
 
 /// One replicate at one budget.
 struct Observation {

@@ -1,11 +1,8 @@
 //! `surfel`: a persistent cache of indirect light on discs all over the scene, shared by every camera of a session.
 //!
-//! A frame: see what each pixel's camera ray meets; cover what no surfel covers; trace the surfels' rays and update their
-//! means; shade each pixel with direct light of its own and indirect light from the surfels around it. What the kernels do
-//! is described in `shaders/techniques/surfel/README.md`.
-//!
-//! The cache ([`SurfelCache`]) belongs to the session ([`crate::SessionState`]); a technique object is one picture that
-//! looks at it. Whichever picture comes first drives the next update, so several pay for the rays once.
+//! The cache ([`SurfelCache`], in `cache/`) belongs to the session ([`crate::SessionState`]); a technique object is one
+//! view of it (`view/`). Whichever view comes first drives the next update, so several pay for the rays once. The
+//! stages of a frame are in `frame.rs`, the kernels are described in `shaders/techniques/surfel/README.md`.
 
 mod cache;
 mod frame;
@@ -35,7 +32,7 @@ pub const ENTRY: TechniqueEntry = TechniqueEntry {
     create: |gpu, scene, lights, session, options| Ok(Box::new(SurfelView::new(gpu, scene, lights, session, options)?)),
 };
 
-/// What every picture runs.
+/// Kernels of every view.
 const KERNELS: &[&str] = &[
     visibility::KERNEL,
     "surfel_coverage",
@@ -57,7 +54,7 @@ const KERNELS: &[&str] = &[
     "surfel_recycle",
 ];
 
-/// What a picture with these settings runs, and no more.
+/// Kernels of a view with these settings, and no more.
 fn kernels_for(settings: &SurfelSettings) -> Vec<&'static str> {
     let optional = [
         (settings.reconstruction.shows_means(), &["surfel_share"][..]),
