@@ -11,10 +11,11 @@ use glam::{DVec3, Vec3};
 use surfelcast::args::DeviceArgs;
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
-use surfelcast_passes::step::StepBudget;
+use surfelcast_renderer::Throughput;
+use surfelcast_renderer::progressive::{MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_scene::{Camera, PunctualKind, PunctualLight, Scene};
 use surfelcast_stream::{Codec, Quality, encode, tone_map_to_rgba8};
-use surfelcast_techniques::technique::{Technique, TechniqueOptions};
+use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
     Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
 };
@@ -42,7 +43,7 @@ struct Stage<'a> {
     buffers: SceneBuffers,
     lights: LightBuffers,
     session: SessionState,
-    technique: Box<dyn Technique>,
+    progressive: Progressive,
 }
 
 impl<'a> Stage<'a> {
@@ -61,28 +62,29 @@ impl<'a> Stage<'a> {
         };
         let entry = registry::by_id("surfel").ok_or_else(|| Failure::runtime("there is no technique surfel"))?;
         let technique = (entry.create)(gpu, &buffers, &lights, &session, options)?;
-        Ok(Self { gpu, scene, buffers, lights, session, technique })
+        let progressive = Progressive::new(technique, Throughput::default());
+        Ok(Self { gpu, scene, buffers, lights, session, progressive })
     }
 
     fn relight(&mut self, state: &LightState) -> Result<(), Failure> {
         self.lights = LightBuffers::new(self.gpu, self.scene, state)?;
         self.session.invalidate(Change::Lights);
-        self.technique.invalidate(Change::Lights);
+        self.progressive.technique_mut().invalidate(Change::Lights);
         Ok(())
     }
 
     /// The image after `frames` more frames; `is_cut` restarts its accumulation.
     fn shoot(&mut self, camera: Camera, frames: u32, is_cut: bool) -> Result<Vec<[f32; 3]>, Failure> {
         if is_cut {
-            self.technique.invalidate(Change::Camera);
+            self.progressive.technique_mut().invalidate(Change::Camera);
         }
         let view = FrameView { camera, size: SIZE, exposure: 1.0 };
-        let goal = self.technique.samples() + frames;
-        while self.technique.samples() < goal {
-            let budget = StepBudget { max_paths: 16_384, until_samples: goal, max_batch: 64 };
-            self.technique.step(self.gpu, &self.buffers, &self.lights, &view, budget)?;
+        let on = SceneOnDevice { gpu: self.gpu, scene: &self.buffers, lights: &self.lights };
+        let until = Until { samples: self.progressive.samples() + frames, max_batch: MAX_JOB_BATCH };
+        while self.progressive.samples() < until.samples {
+            self.progressive.advance(on, &view, until)?;
         }
-        let pixels = read_pixels(self.gpu, self.technique.picture())?;
+        let pixels = read_pixels(self.gpu, self.progressive.technique().picture())?;
         Ok(pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect())
     }
 }
