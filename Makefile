@@ -144,7 +144,7 @@ docs-images: deps-tests build ## Screenshots of the page and renders of the demo
 	$(SURFELCAST) render demo:interior --camera "still life" --size 960x540 --spp $(DOCS_SPP) --output docs/still-life.jpg
 	$(SURFELCAST) render demo:cornell_box --size 512x512 --spp $(DOCS_SPP) --output docs/cornell-box.jpg
 	for name in none regression poisson image; do $(DOCS_EARLY) --reconstruction $$name --output docs/reconstruction-$$name.jpg || exit 1; done
-	$(DOCS_EARLY) --reconstruction image --surfel image=4 --output docs/reconstruction-published.jpg
+	$(DOCS_EARLY) --reconstruction image --set image=unscreened --output docs/reconstruction-published.jpg
 
 .PHONY: deny
 deny: ## Licences, bans, sources and advisories of all dependencies (needs cargo-deny)

@@ -7,12 +7,13 @@
 use surfelcast::Failure;
 use surfelcast_gpu::{Buffer, Gpu};
 use surfelcast_measure::{Image, Mode};
+use surfelcast_render_api::Settings;
 use surfelcast_renderer::Throughput;
 use surfelcast_renderer::progressive::{Cost, MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
-    Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings,
+    Audit, AuditResult, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, TECHNIQUES,
     registry,
 };
 
@@ -51,12 +52,12 @@ impl<'a> Stage<'a> {
     pub(crate) fn shot(
         &'a self,
         technique: &str,
-        surfel: SurfelSettings,
+        settings: &Settings,
         camera: Camera,
         seed: u64,
         session: &SessionState,
     ) -> Result<Shot<'a>, Failure> {
-        let entry = registry::by_id(technique)
+        let (entry, defaults) = registry::find(TECHNIQUES, technique)
             .ok_or_else(|| Failure::input(format!("--technique {technique}: there is no such technique")))?;
         (entry.needs)(&self.scene.summary).map_err(Failure::input)?;
         let options = TechniqueOptions {
@@ -66,9 +67,9 @@ impl<'a> Stage<'a> {
             is_split: self.mode == Mode::Indirect,
             seed,
             waits_for_kernels: true,
-            surfel,
+            settings: defaults.with(settings),
         };
-        let technique = (entry.create)(self.gpu, &self.buffers, &self.lights, session, options)?;
+        let technique = entry.start(self.gpu, &self.buffers, &self.lights, session, options)?;
         let features = technique.features();
         let mut progressive = Progressive::new(technique, Throughput::default());
         // The audit judges radiance.
@@ -121,7 +122,7 @@ impl Shot<'_> {
 
     /// Live surfels, for techniques with surfels.
     pub(crate) fn surfels(&self) -> Option<u32> {
-        self.progressive.technique().surfels().map(|[live, _]| live)
+        self.progressive.technique().occupancy().map(|[live, _]| live)
     }
 }
 

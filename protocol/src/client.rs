@@ -55,7 +55,8 @@ pub enum ClientMessage {
         /// Vertical position, 0 (top) to 1.
         y: f32,
     },
-    /// Which surfels light the surface at a point of the last acknowledged frame; answered by `inspected`.
+    /// What lights the surface at a point of the last acknowledged frame, as a technique explains it; answered by
+    /// `inspected`.
     #[serde(rename = "inspect")]
     Inspect {
         /// View.

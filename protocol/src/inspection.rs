@@ -1,85 +1,121 @@
-//! Why a point is as bright as it is: what the surfel cache holds there, and which surfels light it.
+//! Why a point is as bright as it is, as a technique explains it: figures of the point, and rows behind them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What the surfel cache knows of the surface under a point of the picture.
+/// What a technique knows of the surface under a point of the image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Inspection {
     /// World space, metres.
     pub position: [f64; 3],
     /// World space, towards the viewer.
     pub normal: [f32; 3],
-    /// Sum of the surfels' weights by distance and normal.
-    pub coverage: f32,
-    /// Sum of weights that also count visibility and rays.
-    pub trust: f32,
-    /// B (irradiance over pi) of sky and emission found directly, linear Rec. 709.
-    pub direct: [f32; 3],
-    /// B of light that has bounced at least once.
-    pub indirect: [f32; 3],
-    /// Surfels that light the point, the largest share first; at most 64.
-    pub contributions: Vec<Contribution>,
+    /// What was found, in one sentence.
+    pub headline: String,
+    /// Figures of the point.
+    pub summary: Vec<Field>,
+    /// What the rows' values mean.
+    pub columns: Vec<Column>,
+    /// What is behind the figures, the most important first.
+    pub rows: Vec<Row>,
 }
 
-/// One surfel's part in a point's light.
+/// A figure by name.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Field {
+    /// Machine-readable name.
+    pub id: String,
+    /// Name for people.
+    pub label: String,
+    /// Unit; empty without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// The figure.
+    pub value: FieldValue,
+}
+
+/// What the values of a column mean.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Column {
+    /// Machine-readable name.
+    pub id: String,
+    /// Name for people.
+    pub label: String,
+    /// Unit; empty without one. `share`: a number in [0, 1], to be shown as percent; `count`: a whole number.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+}
+
+/// One contribution.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Row {
+    /// One value a column.
+    pub values: Vec<FieldValue>,
+    /// Where it lies, to be drawn into the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disc: Option<Disc>,
+}
+
+/// A disc in the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Contribution {
-    /// Surfel.
-    pub id: u32,
-    /// Share of the point's value; all shares add up to one.
-    pub share: f32,
-    /// Weight by distance and normal, before visibility and trust.
-    pub weight: f32,
-    /// Chance that the surfel sees the point, in [0, 1].
-    pub visibility: f32,
-    /// World space, metres.
+pub struct Disc {
+    /// Centre, world space, metres.
     pub position: [f64; 3],
     /// World space.
     pub normal: [f32; 3],
     /// Metres.
     pub radius: f32,
-    /// B of sky and emission found directly.
-    pub direct: [f32; 3],
-    /// B of light that has bounced at least once.
-    pub indirect: [f32; 3],
-    /// Rays behind the values.
-    pub ray_count: f32,
-    /// Standard error of the luminance of B.
-    pub std_error: f32,
+}
+
+/// A number, or three of them: a colour or a vector.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FieldValue {
+    /// A whole number, such as an id.
+    Count(u32),
+    /// One number.
+    Number(f32),
+    /// Three numbers.
+    Triple([f32; 3]),
+}
+
+impl Default for FieldValue {
+    fn default() -> Self {
+        Self::Number(0.0)
+    }
+}
+
+impl FieldValue {
+    fn is_finite(self) -> bool {
+        match self {
+            Self::Count(_) => true,
+            Self::Number(number) => number.is_finite(),
+            Self::Triple(numbers) => numbers.iter().all(|number| number.is_finite()),
+        }
+    }
 }
 
 impl Inspection {
-    /// The first number that is none: JSON has no word for it, so such an inspection cannot be sent.
+    /// Name of the first value that is not finite: JSON cannot state it, so such an inspection cannot be sent.
     pub fn not_finite(&self) -> Option<String> {
-        let all = |values: &[f32]| values.iter().all(|value| value.is_finite());
-        let place = |values: &[f64; 3]| values.iter().all(|value| value.is_finite());
-        let named =
-            |fields: &[(&'static str, bool)]| fields.iter().find(|(_, is_finite)| !is_finite).map(|(name, _)| *name);
-        let own = named(&[
-            ("position", place(&self.position)),
-            ("normal", all(&self.normal)),
-            ("coverage", self.coverage.is_finite()),
-            ("trust", self.trust.is_finite()),
-            ("direct", all(&self.direct)),
-            ("indirect", all(&self.indirect)),
-        ]);
-        own.map(str::to_owned).or_else(|| {
-            self.contributions.iter().find_map(|part| {
-                let field = named(&[
-                    ("share", part.share.is_finite()),
-                    ("weight", part.weight.is_finite()),
-                    ("visibility", part.visibility.is_finite()),
-                    ("position", place(&part.position)),
-                    ("normal", all(&part.normal)),
-                    ("radius", part.radius.is_finite()),
-                    ("direct", all(&part.direct)),
-                    ("indirect", all(&part.indirect)),
-                    ("ray_count", part.ray_count.is_finite()),
-                    ("std_error", part.std_error.is_finite()),
-                ])?;
-                Some(format!("{field} of surfel {}", part.id))
-            })
+        let is_place = |position: &[f64; 3], normal: &[f32; 3]| {
+            position.iter().all(|value| value.is_finite()) && normal.iter().all(|value| value.is_finite())
+        };
+        if !is_place(&self.position, &self.normal) {
+            return Some("position".to_owned());
+        }
+        if let Some(field) = self.summary.iter().find(|field| !field.value.is_finite()) {
+            return Some(field.id.clone());
+        }
+        self.rows.iter().enumerate().find_map(|(index, row)| {
+            let disc = row.disc.filter(|disc| !is_place(&disc.position, &disc.normal) || !disc.radius.is_finite());
+            let column = row.values.iter().position(|value| !value.is_finite());
+            let name = match (disc, column) {
+                (None, None) => return None,
+                (_, Some(column)) => self.columns.get(column).map_or("a value", |column| column.id.as_str()),
+                (Some(_), None) => "disc",
+            };
+            Some(format!("{name} of row {index}"))
         })
     }
 }
@@ -90,13 +126,37 @@ mod tests {
 
     #[test]
     fn what_json_cannot_say_is_found_by_name() {
-        let part = Contribution { id: 7, ..Contribution::default() };
-        let good = Inspection { contributions: vec![part], ..Inspection::default() };
+        let column = |id: &str| Column { id: id.to_owned(), ..Column::default() };
+        let row = |number: f32, radius: f32| Row {
+            values: vec![FieldValue::Count(7), FieldValue::Number(number)],
+            disc: Some(Disc { radius, ..Disc::default() }),
+        };
+        let good = Inspection {
+            columns: vec![column("id"), column("std_error")],
+            rows: vec![row(0.5, 1.0)],
+            ..Inspection::default()
+        };
         assert_eq!(good.not_finite(), None);
-        let own = Inspection { direct: [0.0, f32::NAN, 0.0], ..good.clone() };
+        let light =
+            Field { id: "direct".to_owned(), value: FieldValue::Triple([0.0, f32::NAN, 0.0]), ..Field::default() };
+        let own = Inspection { summary: vec![light], ..good.clone() };
         assert_eq!(own.not_finite().as_deref(), Some("direct"));
-        let broken = Contribution { std_error: f32::INFINITY, ..part };
-        let of_a_surfel = Inspection { contributions: vec![part, broken], ..good };
-        assert_eq!(of_a_surfel.not_finite().as_deref(), Some("std_error of surfel 7"));
+        let of_a_row = Inspection { rows: vec![row(0.5, 1.0), row(f32::INFINITY, 1.0)], ..good.clone() };
+        assert_eq!(of_a_row.not_finite().as_deref(), Some("std_error of row 1"));
+        let of_a_disc = Inspection { rows: vec![row(0.5, f32::NAN)], ..good };
+        assert_eq!(of_a_disc.not_finite().as_deref(), Some("disc of row 0"));
+    }
+
+    #[test]
+    fn whole_numbers_stay_whole() {
+        let values = [
+            FieldValue::Count(4711),
+            FieldValue::Number(0.5),
+            FieldValue::Number(256.0),
+            FieldValue::Triple([0.5, 1.0, 2.0]),
+        ];
+        let text = serde_json::to_string(&values).expect("encodes");
+        assert_eq!(text, "[4711,0.5,256.0,[0.5,1.0,2.0]]");
+        assert_eq!(serde_json::from_str::<Vec<FieldValue>>(&text).expect("decodes"), values);
     }
 }

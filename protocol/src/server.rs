@@ -1,5 +1,7 @@
 //! Messages from the server to the client.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,7 +61,7 @@ pub enum ServerMessage {
         /// The request's id.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         re: Option<u64>,
-        /// What lights the point; null where the ray leaves the scene or the session has no surfels.
+        /// What lights the point; null where the ray leaves the scene or no technique of the session knows of it.
         inspection: Option<Box<Inspection>>,
     },
     /// A message was refused; the connection stays.
@@ -151,6 +153,72 @@ pub struct TechniqueInfo {
     pub label: String,
     /// One sentence of description.
     pub summary: String,
+    /// Its settings, which a render request sets.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub settings: Vec<SettingInfo>,
+    /// Named values of the settings.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub presets: Vec<PresetInfo>,
+}
+
+/// A setting of a technique.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SettingInfo {
+    /// Name in requests.
+    pub id: String,
+    /// Name for people.
+    pub label: String,
+    /// What a larger value or each choice buys, and what it costs.
+    pub help: String,
+    /// Unit of a number; empty without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
+    /// What it takes.
+    pub kind: SettingKind,
+    /// Value where none is given: that for which the id of the technique stands.
+    pub default: SettingValue,
+    /// Smallest and largest value of a number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Whether a number has to be whole.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_integer: bool,
+    /// Names that a choice takes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub names: Vec<String>,
+}
+
+/// What a setting takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SettingKind {
+    /// A number within `range`.
+    Number,
+    /// True or false.
+    Switch,
+    /// One of `names`.
+    Choice,
+}
+
+/// Value of a setting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SettingValue {
+    /// Of a switch.
+    Switch(bool),
+    /// Of a number.
+    Number(f64),
+    /// Of a choice.
+    Choice(String),
+}
+
+/// Values of several settings under one name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PresetInfo {
+    /// Name in requests.
+    pub id: String,
+    /// What it sets, by the ids of settings.
+    pub values: BTreeMap<String, SettingValue>,
 }
 
 /// An output that a view can show instead of radiance.
@@ -160,6 +228,12 @@ pub struct OutputInfo {
     pub id: String,
     /// Name for people.
     pub label: String,
+    /// What its numbers mean, with their unit.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub help: String,
+    /// Technique that alone has it; absent where all have. A view of another one shows radiance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub technique: Option<String>,
 }
 
 /// What happened that the user should know of.

@@ -138,7 +138,7 @@ test('a refusal and a point without surfels are shown in the panel', onStage(asy
   await panel(page).getByText('24 surfels').waitFor();
   server.inspection = null;
   await click(page, 0.5, 0.4);
-  await panel(page).getByText('No surfels here').waitFor();
+  await panel(page).getByText('Nothing to show here').waitFor();
   assert.equal(await panel(page).locator('.found').isVisible(), false);
   server.inspectRefusal = { code: 'inspect_failed', detail: 'inspect: the render device was lost' };
   await click(page, 0.5, 0.3);
@@ -166,7 +166,7 @@ test('the keyboard alone turns the mode on and off', onStage(async ({ page, serv
   assert.equal(inspects(server).length, 1, 'outside the mode Enter requests nothing');
   await page.getByRole('button', { name: 'Centre of the image' }).press('Enter');
   await panel(page).getByText('24 surfels').waitFor();
-  await panel(page).getByRole('region', { name: /Surfels that light/ }).focus();
+  await panel(page).getByRole('region', { name: /What lights/ }).focus();
   await page.keyboard.press('Escape');
   await panel(page).waitFor({ state: 'hidden' });
 }));
@@ -229,7 +229,7 @@ test('on a phone the answer is scrolled into view below the point, and fits', on
   const { y } = await centre(page);
   assert.ok(sheet.y > y, 'the centre of the image stays visible');
   const overflow = await page.evaluate(() => {
-    const table = document.querySelector('.surfels');
+    const table = document.querySelector('.contributions');
     return [document.documentElement.scrollWidth - innerWidth, table.scrollWidth - table.clientWidth];
   });
   assert.ok(overflow.every((width) => width <= 0), overflow.join());

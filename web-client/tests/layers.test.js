@@ -39,7 +39,8 @@ test('the page stays light', () => {
 
 test('every module stays small enough to read', () => {
   for (const { layer, name, text } of sources) {
-    assert.ok(text.split('\n').length <= 500, `${layer}/${name}`);
+    const isGenerated = text.includes(' * Generated from ');
+    assert.ok(isGenerated || text.split('\n').length <= 500, `${layer}/${name}`);
   }
 });
 

@@ -17,10 +17,8 @@ use surfelcast_scene::{Scene, pack_octahedral};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck::Zeroable;
 use surfelcast_shaders::records::{SurfelLight, SurfelRecord};
-use surfelcast_techniques::{
-    Apply, ExportedSurfel, FULL_TRUST, FrameView, LightBuffers, LightState, MaterialMode, Reconstruction, SceneBuffers,
-    SurfelCache, SurfelSettings, TechniqueError,
-};
+use surfelcast_techniques::surfel::{Apply, ExportedSurfel, FULL_TRUST, Reconstruction, SurfelCache, SurfelSettings};
+use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, TechniqueError};
 
 use crate::hit::facing_normal;
 use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};

@@ -27,7 +27,7 @@ pub(super) fn run(args: &CurvesArgs) -> Result<(), Failure> {
 /// Not every combination: the scheme means something in the image only. Surfels share no samples with neighbours in
 /// either.
 fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
-    let rows = [("image", "image=4,3,2,1,0"), ("none", ""), ("poisson", "")];
+    let rows = [("image", "image=unscreened,summed,unmasked,masked,weighed"), ("none", ""), ("poisson", "")];
     let mut variants = Vec::new();
     for (reconstruction, scheme) in rows {
         let mut lists = requested.clone();
@@ -44,13 +44,13 @@ fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
 fn scheme(variant: &Variant) -> &'static str {
     let has = |setting: &str| variant.settings.iter().any(|known| known == setting);
     match variant.reconstruction.as_deref() {
-        Some("image") if has("image=4") => {
-            "slopes of all overlapping surfels summed, values nearly ignored (`image=4`)"
+        Some("image") if has("image=unscreened") => {
+            "slopes of all overlapping surfels summed, values nearly ignored (`image=unscreened`)"
         }
-        Some("image") if has("image=3") => "slopes of all overlapping surfels summed (`image=3`)",
-        Some("image") if has("image=2") => "normalised weights (`image=2`)",
-        Some("image") if has("image=1") => "normalised weights, masked (`image=1`)",
-        Some("image") => "normalised weights, masked, weighted by noise (`image=0`, the default)",
+        Some("image") if has("image=summed") => "slopes of all overlapping surfels summed (`image=summed`)",
+        Some("image") if has("image=unmasked") => "normalised weights (`image=unmasked`)",
+        Some("image") if has("image=masked") => "normalised weights, masked (`image=masked`)",
+        Some("image") => "normalised weights, masked, weighted by noise (`image=weighed`, the default)",
         Some("poisson") => "over the neighbours of surfels (`poisson`)",
         _ => "nothing (`none`)",
     }
@@ -86,7 +86,7 @@ mod tests {
     fn schemes_are_rows_and_images_with_frames_are_columns() {
         let mut curves = Vec::new();
         for case in ["a_main_indirect", "b_main_indirect"] {
-            for (reconstruction, setting) in [("image", "image=3"), ("none", "sharing=0")] {
+            for (reconstruction, setting) in [("image", "image=summed"), ("none", "sharing=0")] {
                 let mut one = curve(case, "surfel", 0.5);
                 one.key.variant.reconstruction = Some(reconstruction.to_owned());
                 one.key.variant.settings = vec![setting.to_owned()];
@@ -95,7 +95,7 @@ mod tests {
         }
         let text = table(&curves);
         assert!(text.contains("| what is solved | a: 2 frames | a: 8 frames |"), "{text}");
-        assert!(text.contains("(`image=3`) |") && text.contains("| nothing (`none`) |"), "{text}");
+        assert!(text.contains("(`image=summed`) |") && text.contains("| nothing (`none`) |"), "{text}");
         let table = text.split("\n\n").last().unwrap_or_default();
         assert!(table.lines().all(|line| line.matches('|').count() == 8), "{text}");
     }

@@ -10,11 +10,10 @@ use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::surfel::Initial;
+use surfelcast_techniques::surfel::{Initial, SurfelOutput, SurfelSettings, cache_of};
 use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
-    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelOutput,
-    SurfelSettings, registry,
+    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry,
 };
 
 use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};
@@ -148,10 +147,10 @@ fn measure(gpu: &Gpu, scene: &Scene, camera: Camera, initial: Initial) -> Result
         is_split: false,
         seed: 0,
         waits_for_kernels: true,
-        surfel: SurfelSettings { initial, ..SurfelSettings::default() },
+        settings: SurfelSettings { initial, ..SurfelSettings::default() }.into(),
     };
     let entry = registry::by_id("surfel").ok_or_else(|| Failure::runtime("there is no technique surfel"))?;
-    let mut picture = (entry.create)(gpu, &buffers, &lights, &session, options)?;
+    let mut picture = entry.start(gpu, &buffers, &lights, &session, options)?;
     let mut frame = |camera: Camera| -> Result<([u32; 2], Vec<u32>), Failure> {
         let view = FrameView { camera, size: SIZE, exposure: 1.0 };
         picture.invalidate(Change::Camera);
@@ -159,7 +158,7 @@ fn measure(gpu: &Gpu, scene: &Scene, camera: Camera, initial: Initial) -> Result
             let budget = StepBudget { max_paths: u64::MAX, until_samples: 1, max_batch: 1 };
             picture.step(gpu, &buffers, &lights, &view, budget)?;
         }
-        let cache = picture.surfel_cache().ok_or_else(|| Failure::runtime("the technique has no cache"))?;
+        let cache = cache_of(&session).ok_or_else(|| Failure::runtime("the technique has no cache"))?;
         let (look, _) =
             cache.lock().look(gpu, &buffers, &lights, &view, picture.features(), SurfelOutput::Id, false)?;
         let pixels = read_pixels(gpu, &look)?;

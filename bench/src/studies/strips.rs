@@ -11,13 +11,14 @@ use glam::{DVec3, Vec3};
 use surfelcast::args::DeviceArgs;
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
+use surfelcast_render_api::Settings;
 use surfelcast_renderer::Throughput;
 use surfelcast_renderer::progressive::{MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_scene::{Camera, PunctualKind, PunctualLight, Scene};
 use surfelcast_stream::{Codec, Quality, encode, tone_map_to_rgba8};
 use surfelcast_techniques::technique::TechniqueOptions;
 use surfelcast_techniques::{
-    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
+    Change, FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry,
 };
 
 use crate::report::{open_gpu, write_file};
@@ -58,10 +59,10 @@ impl<'a> Stage<'a> {
             is_split: false,
             seed: 0,
             waits_for_kernels: true,
-            surfel: SurfelSettings::default(),
+            settings: Settings::default(),
         };
         let entry = registry::by_id("surfel").ok_or_else(|| Failure::runtime("there is no technique surfel"))?;
-        let technique = (entry.create)(gpu, &buffers, &lights, &session, options)?;
+        let technique = entry.start(gpu, &buffers, &lights, &session, options)?;
         let progressive = Progressive::new(technique, Throughput::default());
         Ok(Self { gpu, scene, buffers, lights, session, progressive })
     }

@@ -1,14 +1,19 @@
 //! Arguments that several commands take, and the parsers of their values.
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
-use surfelcast_renderer::SurfelSettings;
-use surfelcast_techniques::registry::TECHNIQUES;
+use surfelcast_render_api::{Catalogue, RequestLimits, SettingKind};
 
 /// Largest width or height of an image, pixels.
 pub const MAX_SIDE: u32 = 16_384;
 /// Most pixels of an image.
 const MAX_PIXELS: u64 = 64_000_000;
+/// Longest render, seconds.
+const MAX_SECS: f64 = 86_400.0;
+
+/// What a render on the command line may have.
+pub const LIMITS: RequestLimits =
+    RequestLimits { side: MAX_SIDE, pixels: MAX_PIXELS, samples: 1 << 20, secs: MAX_SECS };
 
 /// Device choice, shared by the commands that render.
 #[derive(Debug, Args)]
@@ -37,14 +42,47 @@ pub enum Materials {
     Lambert,
 }
 
-/// Ids of the registered techniques.
-pub fn technique_ids() -> PossibleValuesParser {
-    TECHNIQUES.iter().map(|entry| entry.id).collect::<Vec<_>>().into()
+impl Materials {
+    /// Name in requests.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pbr => "pbr",
+            Self::Lambert => "lambert",
+        }
+    }
 }
 
-/// Presets of the surfel cache.
-pub fn preset_names() -> PossibleValuesParser {
-    SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect::<Vec<_>>().into()
+/// Ids of the techniques.
+pub fn technique_ids(catalogue: &Catalogue) -> PossibleValuesParser {
+    catalogue.technique_ids().map(|(id, _, summary)| PossibleValue::new(id).help(summary)).collect::<Vec<_>>().into()
+}
+
+/// Presets of all techniques.
+pub fn preset_names(catalogue: &Catalogue) -> PossibleValuesParser {
+    let mut names: Vec<&'static str> = Vec::new();
+    for preset in catalogue.techniques.iter().flat_map(|technique| technique.presets) {
+        if !names.contains(&preset.id) {
+            names.push(preset.id);
+        }
+    }
+    names.into()
+}
+
+/// Values of the setting `reconstruction`; any where no technique has it.
+pub fn reconstruction_names(catalogue: &Catalogue) -> PossibleValuesParser {
+    let setting = catalogue.techniques.iter().find_map(|technique| technique.setting("reconstruction"));
+    match setting.map(|setting| setting.kind) {
+        Some(SettingKind::Choice { names, .. }) => names.to_vec().into(),
+        _ => vec!["none"].into(),
+    }
+}
+
+/// Outputs of all techniques, by their earlier names too.
+pub fn output_names(catalogue: &Catalogue) -> PossibleValuesParser {
+    let value = |output: &'static surfelcast_render_api::OutputDescription| {
+        PossibleValue::new(output.id).aliases(output.aliases.iter().copied()).help(output.help)
+    };
+    catalogue.outputs().map(|(output, _)| value(output)).collect::<Vec<_>>().into()
 }
 
 /// An image size such as `1280x720`.
@@ -67,7 +105,7 @@ pub fn parse_error(text: &str) -> Result<f32, String> {
 
 /// A duration in (0, 86400] seconds.
 pub fn parse_secs(text: &str) -> Result<f64, String> {
-    let secs = text.parse().ok().filter(|s: &f64| *s > 0.0 && *s <= 86_400.0);
+    let secs = text.parse().ok().filter(|s: &f64| *s > 0.0 && *s <= MAX_SECS);
     secs.ok_or_else(|| "expected seconds in (0, 86400]".to_owned())
 }
 

@@ -3,9 +3,11 @@
 //! The binary `surfelcast` (serve, render, doctor) and the laboratory `surfelcast-bench` are built on it.
 
 pub mod args;
+pub mod cli;
 pub mod device;
 pub mod failure;
 pub mod process;
 pub mod scene_file;
+pub mod settings;
 
 pub use failure::Failure;

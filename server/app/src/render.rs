@@ -1,26 +1,22 @@
 //! `surfelcast render`: one picture of one scene file.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use surfelcast::args::Materials;
+use surfelcast::args::LIMITS;
+use surfelcast::cli::RenderArgs;
 use surfelcast::device::{renderer_config, wait_until_ready};
 use surfelcast::{Failure, scene_file};
-use surfelcast_renderer::{Aov, MaterialMode, RenderJob, RenderOutput, RendererHandle, StopRules, SurfelSettings};
-use surfelcast_scene::{NamedCamera, Scene};
+use surfelcast_render_api::{Catalogue, Fault, RenderRequest, RenderSpec, SceneDefaults};
+use surfelcast_renderer::{RenderJob, RenderOutput, RendererHandle};
+use surfelcast_scene::Scene;
 use surfelcast_stream::{Codec, Quality, encode, encode_exr, tone_map_to_rgba8};
-use surfelcast_techniques::{Reconstruction, registry};
 
-use crate::cli::RenderArgs;
-use crate::ply;
 use crate::progress::Progress;
 use crate::stats::{Stats, TimeStats};
 
-/// Picture size where neither the command line nor the camera states one.
-const DEFAULT_SIZE: [u32; 2] = [1280, 720];
-/// Samples where no stop rule is given.
-const DEFAULT_SAMPLES: u32 = 256;
 /// Quality of lossy formats.
 const QUALITY: u8 = 92;
 
@@ -31,16 +27,18 @@ enum Format {
     Exr,
 }
 
-pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
+pub(crate) fn run(args: &RenderArgs, catalogue: &Catalogue) -> Result<(), Failure> {
     let format = format_of(&args.output)?;
-    check_surfel_options(args)?;
+    let refused = |fault: Fault| refusal(args, &fault);
+    let request = request_of(args, catalogue).map_err(refused)?;
+    request.check(catalogue, &LIMITS).map_err(refused)?;
+    check_export(args, catalogue)?;
     let progress = Progress::new();
     progress.say("reading");
     let scene = Arc::new(scene_file::load(&args.scene, args.view.as_ref(), args.environment.as_ref())?);
     warn_all(&scene);
-    let camera = scene_file::camera_of(&scene, args.camera.as_deref())?.clone();
-    let exposure = args.exposure.unwrap_or_else(|| scene.exposure_for(&camera.name));
-    let job = job_of(args, &scene, &camera, exposure);
+    let spec = request.resolve(catalogue, &SceneDefaults::of(&scene), &LIMITS).map_err(refused)?;
+    let job = RenderJob { scene: Arc::clone(&scene), lights: None, spec: spec.clone(), exports: args.export.is_some() };
 
     progress.say("opening the device");
     let (renderer, thread) = surfelcast_renderer::start(renderer_config(&args.device))
@@ -62,10 +60,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
 
     let encode_started = Instant::now();
-    let bytes = encode_output(&output, format, exposure, args.aov.is_some())?;
+    let bytes = encode_output(&output, format, &spec)?;
     write(&args.output, &bytes)?;
-    if let Some(path) = &args.export_surfels {
-        write(path, &ply::encode(&output.exported_surfels, scene.origin))?;
+    if let Some(path) = &args.export {
+        let bytes = output.export.as_deref();
+        write(path, bytes.ok_or_else(|| Failure::runtime("--export: the technique had nothing to export"))?)?;
     }
     if let Some(path) = &args.stats {
         let time_secs = TimeStats {
@@ -75,7 +74,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
             render: output.render_secs,
             encode: encode_started.elapsed().as_secs_f64(),
         };
-        let stats = Stats::new(&status.device, &scene, &args.technique, args.seed, &output, time_secs);
+        let stats = Stats::new(&status.device, &scene, &spec, &output, time_secs);
         let json = serde_json::to_vec_pretty(&stats).map_err(|error| Failure::runtime(error.to_string()))?;
         write(path, &json)?;
     }
@@ -108,55 +107,79 @@ async fn render(renderer: &RendererHandle, job: RenderJob, progress: &Progress) 
     }
 }
 
-/// What only techniques with surfels heed is refused for the others: a picture that ignores it would mislead.
-fn check_surfel_options(args: &RenderArgs) -> Result<(), Failure> {
-    if registry::by_id(&args.technique).is_some_and(|entry| entry.uses_surfels) {
-        return Ok(());
+/// The command line as a request.
+fn request_of(args: &RenderArgs, catalogue: &Catalogue) -> Result<RenderRequest, Fault> {
+    let technique = args.technique.as_deref().and_then(|id| catalogue.choose(id)).map(|chosen| chosen.technique);
+    let mut settings = BTreeMap::new();
+    for assignment in &args.settings {
+        let Some((id, text)) = assignment.split_once('=') else {
+            return Err(Fault::malformed(assignment, "expected NAME=VALUE").inside("settings"));
+        };
+        // One that the technique lacks is refused by the request, which knows who has it.
+        let value = match technique.and_then(|technique| technique.setting(id.trim())) {
+            Some(setting) => setting.parse(text).map_err(|fault| fault.inside("settings"))?.into(),
+            None => text.into(),
+        };
+        settings.insert(id.trim().to_owned(), value);
     }
-    let option = match (&args.reconstruction, &args.preset, args.knobs.first()) {
-        (Some(name), ..) if name != "none" => format!("--reconstruction {name}"),
-        (_, Some(name), _) => format!("--preset {name}"),
-        (.., Some(knob)) => format!("--surfel {knob}"),
-        _ if args.export_surfels.is_some() => "--export-surfels".to_owned(),
-        _ => return Ok(()),
-    };
-    Err(Failure::input(format!(
-        "{option}: technique {} has no surfels; ask for one with --technique surfel",
-        args.technique
-    )))
+    let [width, height] = args.size.map_or([None, None], |size| size.map(|side| Some(side.into())));
+    Ok(RenderRequest {
+        camera_name: args.camera.clone(),
+        width,
+        height,
+        technique: args.technique.clone(),
+        preset: args.preset.clone(),
+        settings: Some(settings),
+        reconstruction: args.reconstruction.clone(),
+        samples_per_pixel: args.spp.map(Into::into),
+        max_error: args.max_error.map(f64::from),
+        time_limit_secs: args.time_limit,
+        seed: Some(args.seed.into()),
+        materials: Some(args.materials.name().to_owned()),
+        exposure: args.exposure.map(f64::from),
+        aov: args.aov.clone(),
+        ..RenderRequest::default()
+    })
 }
 
-fn job_of(args: &RenderArgs, scene: &Arc<Scene>, camera: &NamedCamera, exposure: f32) -> RenderJob {
-    let mut surfel = args.preset.as_deref().and_then(SurfelSettings::by_name).unwrap_or_default();
-    if let Some(name) = &args.reconstruction {
-        surfel.reconstruction = Reconstruction::by_name(name).unwrap_or_default();
-    }
-    for knob in &args.knobs {
-        // Checked when the command line was read.
-        let _ = surfel.turn(knob);
-    }
-    let has_rule = args.spp.is_some() || args.max_error.is_some() || args.time_limit.is_some();
-    RenderJob {
-        scene: Arc::clone(scene),
-        lights: None,
-        camera: camera.camera,
-        size: args.size.or(camera.resolution).unwrap_or(DEFAULT_SIZE),
-        technique: args.technique.clone(),
-        materials: match args.materials {
-            Materials::Pbr => MaterialMode::Pbr,
-            Materials::Lambert => MaterialMode::Lambert,
+/// A fault of the request in terms of the command line.
+fn refusal(args: &RenderArgs, fault: &Fault) -> Failure {
+    let option = |name: &str, value: &Option<String>| match value {
+        Some(value) => format!("{name} {value}"),
+        None => name.to_owned(),
+    };
+    let option = match fault.field.as_str() {
+        "camera_name" => option("--camera", &args.camera),
+        "technique" => option("--technique", &args.technique),
+        "preset" => option("--preset", &args.preset),
+        "reconstruction" => option("--reconstruction", &args.reconstruction),
+        "aov" => option("--aov", &args.aov),
+        "max_error" => "--max-error".to_owned(),
+        "time_limit_secs" => "--time-limit".to_owned(),
+        "samples_per_pixel" => "--spp".to_owned(),
+        "width" | "height" | "width x height" => "--size".to_owned(),
+        field => match field.strip_prefix("settings.") {
+            Some(id) => {
+                let is_it = |text: &&String| text.split('=').next().is_some_and(|name| name.trim() == id);
+                option("--set", &args.settings.iter().find(is_it).cloned())
+            }
+            None => format!("--{field}"),
         },
-        surfel,
-        seed: args.seed,
-        stop: StopRules {
-            samples: args.spp.or((!has_rule).then_some(DEFAULT_SAMPLES)),
-            max_error: args.max_error,
-            time_limit: args.time_limit.map(Duration::from_secs_f64),
-        },
-        exposure,
-        aov: args.aov.as_deref().and_then(Aov::by_name),
-        exports_surfels: args.export_surfels.is_some(),
+    };
+    Failure::input(format!("{option}: {}", fault.reason))
+}
+
+/// An export is refused where the technique has none.
+fn check_export(args: &RenderArgs, catalogue: &Catalogue) -> Result<(), Failure> {
+    let Some(chosen) = args.technique.as_deref().and_then(|id| catalogue.choose(id)) else { return Ok(()) };
+    if args.export.is_none() || chosen.technique.export.is_some() {
+        return Ok(());
     }
+    let others = catalogue.ids_where(|technique| technique.export.is_some());
+    Err(Failure::input(format!(
+        "--export: technique {} exports nothing; leave it out, or take a technique that does: {others}",
+        chosen.technique.id
+    )))
 }
 
 fn format_of(path: &Path) -> Result<Format, Failure> {
@@ -170,13 +193,13 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
     }
 }
 
-fn encode_output(output: &RenderOutput, format: Format, exposure: f32, is_aov: bool) -> Result<Vec<u8>, Failure> {
+fn encode_output(output: &RenderOutput, format: Format, spec: &RenderSpec) -> Result<Vec<u8>, Failure> {
     let failed = |error: surfelcast_stream::StreamError| Failure::runtime(error.to_string());
     match format {
         Format::Exr => encode_exr(&output.pixels, output.size).map_err(failed),
         Format::Display(codec, quality) => {
             // Exposure belongs to radiance; other outputs are shown as they are.
-            let factor = if is_aov { 1.0 } else { exposure };
+            let factor = if spec.aov.is_some() { 1.0 } else { spec.exposure };
             encode(&tone_map_to_rgba8(&output.pixels, factor), output.size, codec, quality).map_err(failed)
         }
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use surfelcast::cli::ServeArgs;
 use surfelcast::device::{renderer_config, wait_until_ready};
 use surfelcast::{Failure, scene_file};
 use surfelcast_renderer::RendererConfig;
@@ -11,8 +12,6 @@ use surfelcast_service::{ServiceConfig, ServiceState};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
-use crate::cli::ServeArgs;
-
 pub(crate) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
@@ -20,7 +19,7 @@ pub(crate) fn run(args: &ServeArgs) -> Result<(), Failure> {
         .map_err(|error| Failure::runtime(format!("the runtime could not be started: {error}")))?;
     let config = RendererConfig {
         cache_dir: Some(args.data.join("cache")),
-        snapshot_dir: Some(args.data.join("surfels")),
+        snapshot_dir: Some(args.data.join("snapshots")),
         prepares_general_kernels: true,
         allow_forced_loss: std::env::var_os("SURFELCAST_ALLOW_FORCED_LOSS").is_some_and(|value| value == "1"),
         ..renderer_config(&args.device)

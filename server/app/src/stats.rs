@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use surfelcast_renderer::{DeviceInfo, ErrorEstimate, PassTime, RayCounts, RenderOutput, SkippedPass};
+use surfelcast_renderer::{DeviceInfo, ErrorEstimate, PassTime, RayCounts, RenderOutput, RenderSpec, SkippedPass};
 use surfelcast_scene::{Scene, SceneSummary};
 
 /// Everything known about a finished render.
@@ -21,6 +21,7 @@ pub(crate) struct Stats<'a> {
     passes: &'a [PassTime],
     skipped: &'a [SkippedPass],
     non_finite: u64,
+    /// Occupancy of the technique's cache, under the name of its entries.
     surfels: Value,
     memory_bytes: Map<String, Value>,
 }
@@ -52,8 +53,7 @@ impl<'a> Stats<'a> {
     pub(crate) fn new(
         device: &'a DeviceInfo,
         scene: &'a Scene,
-        technique: &'a str,
-        seed: u64,
+        spec: &'a RenderSpec,
         output: &'a RenderOutput,
         time_secs: TimeStats,
     ) -> Self {
@@ -65,8 +65,8 @@ impl<'a> Stats<'a> {
                 summary: scene.summary,
                 warnings: &scene.warnings,
             },
-            technique,
-            seed,
+            technique: &spec.technique,
+            seed: spec.seed,
             size: output.size,
             samples_per_pixel: output.samples,
             stopped_by: output.stopped_by,
@@ -76,7 +76,7 @@ impl<'a> Stats<'a> {
             passes: &output.passes,
             skipped: &output.skipped,
             non_finite: output.non_finite,
-            surfels: match output.surfels {
+            surfels: match output.occupancy {
                 Some([live, capacity]) => json!({ "live": live, "capacity": capacity }),
                 None => json!({ "live": 0, "capacity": 0 }),
             },

@@ -57,7 +57,7 @@ pub struct StopRules {
 /// A request with nothing left open: equal ones give equal pixels on one device, unless a time limit ends them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RenderSpec {
-    /// Scene id.
+    /// Key of the scene in its state.
     pub scene: String,
     /// Camera, world space.
     #[serde(serialize_with = "write_camera", deserialize_with = "read_camera")]
@@ -223,10 +223,7 @@ impl RenderRequest {
         };
         let technique = chosen.technique;
         let lacks = |what: &str, others: &str| {
-            format!(
-                "technique {} has no {what}; leave the field out, or take a technique that has: {others}",
-                technique.id
-            )
+            format!("technique {} has no {what}; leave it out, or take a technique that has: {others}", technique.id)
         };
         let mut settings = chosen.settings;
         if let Some(preset) = &self.preset {
@@ -297,7 +294,7 @@ fn whole(field: &str, value: Option<Whole>, low: u64, high: u64) -> Result<Optio
 }
 
 fn number(field: &str, value: Option<f64>, (low, high): (f64, f64)) -> Result<Option<f64>, Fault> {
-    value.map(|value| within(field, value, low, high)).transpose().map_err(|text| fault_of(&text))
+    value.map(|value| within(field, value, low, high)).transpose()
 }
 
 fn camera_of(request: &CameraRequest) -> Result<Camera, Fault> {
@@ -306,13 +303,7 @@ fn camera_of(request: &CameraRequest) -> Result<Camera, Fault> {
     let target = request.target.ok_or_else(|| missing("target"))?;
     let vfov_deg = request.vfov_deg.ok_or_else(|| missing("vfov_deg"))?;
     let up = request.up.unwrap_or([0.0, 1.0, 0.0]);
-    camera("camera", "position", [position, target, up], vfov_deg).map_err(|text| fault_of(&text))
-}
-
-/// A checked value's refusal, `field: reason`, as a fault.
-fn fault_of(text: &str) -> Fault {
-    let (field, reason) = text.split_once(": ").unwrap_or(("request", text));
-    Fault::value(field, reason)
+    camera("camera", "position", [position, target, up], vfov_deg)
 }
 
 /// A camera as data. The field of view stays in radians: degrees would not come back to the bit.

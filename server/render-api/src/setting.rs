@@ -69,6 +69,16 @@ impl SettingValue {
     }
 }
 
+impl From<SettingValue> for serde_json::Value {
+    fn from(value: SettingValue) -> Self {
+        match value {
+            SettingValue::Switch(is_on) => is_on.into(),
+            SettingValue::Number(number) => number.into(),
+            SettingValue::Choice(name) => name.into_owned().into(),
+        }
+    }
+}
+
 impl fmt::Display for SettingValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -136,15 +136,15 @@ fn refusals_name_the_field_the_limit_and_the_remedy() {
         (json!({"technique": "rich", "preset": "best"}), "preset: must be one of coarse, usual"),
         (
             json!({"preset": "usual"}),
-            "preset: technique plain has no presets; leave the field out, or take a technique that has: rich",
+            "preset: technique plain has no presets; leave it out, or take a technique that has: rich",
         ),
         (
             json!({"settings": {"radius": 3}}),
-            "settings.radius: technique plain has no such setting; leave the field out, or take a technique that has: rich",
+            "settings.radius: technique plain has no such setting; leave it out, or take a technique that has: rich",
         ),
         (
             json!({"reconstruction": "full"}),
-            "reconstruction: technique plain has no such setting; leave the field out, or take a technique that has: rich",
+            "reconstruction: technique plain has no such setting; leave it out, or take a technique that has: rich",
         ),
         (json!({"technique": "rich", "reconstruction": "best"}), "reconstruction: must be one of none, full"),
         (json!({"technique": "rich", "settings": {"radius": 1}}), "settings.radius: must be within 1.5 to 32"),

@@ -9,8 +9,9 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use surfelcast_gpu::Gpu;
+use surfelcast_render_api::Inspection;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::{FrameView, registry};
+use surfelcast_techniques::{TechniqueEntry, registry};
 use tokio::sync::{mpsc, watch};
 
 use crate::command::{Command, CommandReceiver, SessionKey, ViewKey};
@@ -18,12 +19,11 @@ use crate::config::RendererConfig;
 use crate::device_life::{self, AfterLoss, LossLog};
 use crate::error::RendererError;
 use crate::handle::RendererHandle;
-use crate::inspection::{self, Inspection};
 use crate::running_view::RunningView;
 use crate::scenes::SceneStore;
 use crate::scheduler::{JobLoad, JobQueue, ViewLoad, Worker, least_used, next_worker};
 use crate::session::Session;
-use crate::status::{DeviceInfo, DeviceState, RendererStatus, TechniqueDescription};
+use crate::status::{DeviceInfo, DeviceState, RendererStatus};
 use crate::submitted_job::SubmittedJob;
 
 /// Starts the actor. The device is opened on its thread; follow [`RendererHandle::status`].
@@ -69,6 +69,8 @@ impl Actor {
     }
 
     fn run(mut self) {
+        let catalogue = Arc::new(registry::catalogue(self.config.techniques));
+        self.status.send_modify(|status| status.catalogue = catalogue);
         if !self.open() {
             self.fail();
         }
@@ -87,7 +89,7 @@ impl Actor {
             view.slot.close();
         }
         for session in self.sessions.values() {
-            self.save_surfels(session);
+            self.save(session);
         }
         if let Some(gpu) = &self.gpu {
             gpu.stop_preparing();
@@ -123,7 +125,7 @@ impl Actor {
             }
             Command::CloseSession { session } => {
                 if let Some(closed) = self.sessions.remove(&session) {
-                    self.save_surfels(&closed);
+                    self.save(&closed);
                 }
                 self.views.retain(|_, view| {
                     let stays = view.session != session;
@@ -144,19 +146,18 @@ impl Actor {
             Command::OpenView { session, view, state, slot, reply } => {
                 let result = if !self.sessions.contains_key(&session) {
                     Err(RendererError::Unknown("the session"))
-                } else if registry::by_id(&state.technique).is_none() {
-                    Err(RendererError::Unsupported(format!("technique `{}` is not known", state.technique)))
                 } else {
-                    let used_secs = self.least_used();
-                    self.views.insert(view, RunningView::new(session, state, slot, used_secs));
-                    Ok(())
+                    self.technique(&state.technique).map(|_| {
+                        let used_secs = self.least_used();
+                        let running = RunningView::new(self.config.techniques, session, state, slot, used_secs);
+                        self.views.insert(view, running);
+                    })
                 };
                 let _ = reply.send(result);
             }
             Command::UpdateView { view, state } => {
-                if let Some(view) = self.views.get_mut(&view)
-                    && registry::by_id(&state.technique).is_some()
-                {
+                let is_known = self.technique(&state.technique).is_ok();
+                if let Some(view) = self.views.get_mut(&view).filter(|_| is_known) {
                     view.update(*state);
                 }
             }
@@ -176,9 +177,10 @@ impl Actor {
                 let result = self.inspect(session, camera, size, point);
                 let _ = reply.send(result);
             }
-            Command::Render { job, progress, cancel, reply } => {
-                self.submit(SubmittedJob::new(job, progress, cancel, reply));
-            }
+            Command::Render { job, progress, cancel, reply } => match self.technique(&job.spec.technique) {
+                Ok(entry) => self.submit(SubmittedJob::new(entry, job, progress, cancel, reply)),
+                Err(error) => drop(reply.send(Err(error))),
+            },
             Command::Wake => {}
             Command::LoseDevice => {
                 if let Some(gpu) = &self.gpu
@@ -196,18 +198,24 @@ impl Actor {
     fn open_session(&mut self, session: SessionKey, scene: Arc<Scene>) -> Result<(), RendererError> {
         let Some(gpu) = &self.gpu else { return Err(RendererError::DeviceLost) };
         self.store.admit(gpu, &scene)?;
-        self.sessions.insert(session, Session::new(scene, self.config.snapshot_dir.as_deref()));
+        self.sessions.insert(session, Session::new(scene, self.config.techniques, self.config.snapshot_dir.as_deref()));
         Ok(())
     }
 
-    /// Saves a session's surfels for the next session of its scene.
-    fn save_surfels(&self, session: &Session) {
+    /// The technique of an id or alias.
+    fn technique(&self, id: &str) -> Result<&'static TechniqueEntry, RendererError> {
+        let found = registry::find(self.config.techniques, id).map(|(entry, _)| entry);
+        found.ok_or_else(|| RendererError::Unsupported(format!("technique `{id}` is not known")))
+    }
+
+    /// Saves what techniques keep of a session for the next session of its scene.
+    fn save(&self, session: &Session) {
         if let (Some(folder), Some(gpu)) = (&self.config.snapshot_dir, &self.gpu) {
             session.save(gpu, folder);
         }
     }
 
-    /// Inspects the session's surfel cache at a point.
+    /// What a technique of the session knows of a point.
     fn inspect(
         &mut self,
         key: SessionKey,
@@ -217,9 +225,7 @@ impl Actor {
     ) -> Result<Option<Inspection>, RendererError> {
         let Some(gpu) = self.gpu.clone() else { return Err(RendererError::DeviceLost) };
         let Some(session) = self.sessions.get_mut(&key) else { return Err(RendererError::Unknown("the session")) };
-        let (on, shared) = session.on_device(&gpu, &mut self.store)?;
-        let Some(cache) = shared.surfels() else { return Ok(None) };
-        inspection::inspect(&gpu, on.scene, on.lights, &cache.lock(), FrameView { camera, size, exposure: 1.0 }, point)
+        session.inspect(&gpu, &mut self.store, camera, size, point)
     }
 
     fn submit(&mut self, job: SubmittedJob) {
@@ -352,15 +358,6 @@ impl Actor {
             if let Some(device) = device {
                 status.device = device;
             }
-            status.techniques = registry::TECHNIQUES
-                .iter()
-                .map(|entry| TechniqueDescription {
-                    id: entry.id,
-                    label: entry.label,
-                    summary: entry.summary,
-                    uses_surfels: entry.uses_surfels,
-                })
-                .collect();
         });
     }
 

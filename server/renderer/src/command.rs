@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use surfelcast_render_api::{Inspection, JobProgress, RenderOutput};
 use surfelcast_scene::{Camera, Picked, Scene, SceneEdit};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::error::RendererError;
-use crate::inspection::Inspection;
-use crate::job::{JobProgress, RenderJob, RenderOutput};
+use crate::job::RenderJob;
 use crate::slot::FrameSlot;
 use crate::view::ViewState;
 
@@ -89,7 +89,7 @@ pub enum Command {
         /// Answer.
         reply: Reply<Option<Picked>>,
     },
-    /// Find the surfels that light the surface under a point of an image.
+    /// Explain the surface under a point of an image.
     Inspect {
         /// Session.
         session: SessionKey,
@@ -99,7 +99,7 @@ pub enum Command {
         size: [u32; 2],
         /// Position in the image, 0 to 1 from the top left.
         point: [f32; 2],
-        /// Answer; nothing where no surface is hit or the session keeps no surfels.
+        /// Answer; nothing where no surface is hit or no technique of the session knows of it.
         reply: Reply<Option<Inspection>>,
     },
     /// Render one image in the background.

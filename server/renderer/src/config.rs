@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use surfelcast_techniques::{TECHNIQUES, TechniqueEntry};
+
 /// Configuration of the render actor.
 #[derive(Clone, Debug)]
 pub struct RendererConfig {
@@ -9,7 +11,7 @@ pub struct RendererConfig {
     pub adapter: Option<String>,
     /// Folder of compiled pipelines.
     pub cache_dir: Option<PathBuf>,
-    /// Folder of the sessions' surfel caches, kept over restarts.
+    /// Folder of what techniques keep for sessions over restarts.
     pub snapshot_dir: Option<PathBuf>,
     /// Budget of device memory.
     pub memory_budget_bytes: Option<u64>,
@@ -20,6 +22,8 @@ pub struct RendererConfig {
     /// Whether to compile the variants for any scene at start: a server shows its first frame sooner, a single render
     /// would only lose time.
     pub prepares_general_kernels: bool,
+    /// Techniques on offer, the default of views first.
+    pub techniques: &'static [TechniqueEntry],
     /// Tests may lose the device on purpose.
     pub allow_forced_loss: bool,
 }
@@ -34,6 +38,7 @@ impl Default for RendererConfig {
             max_queued_jobs: 64,
             max_running_jobs: 2,
             prepares_general_kernels: false,
+            techniques: TECHNIQUES,
             allow_forced_loss: false,
         }
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use surfelcast_gpu::{Gpu, GpuOptions};
 use surfelcast_passes::features::general_features;
-use surfelcast_techniques::{MaterialMode, SurfelSettings, registry};
+use surfelcast_techniques::MaterialMode;
 
 use crate::config::RendererConfig;
 
@@ -52,7 +52,7 @@ pub(crate) fn open(config: &RendererConfig) -> Option<Gpu> {
     let gpu = attempt(|| Gpu::open(&options), std::thread::sleep)?;
     if config.prepares_general_kernels && !gpu.compiles_when_run() {
         // They compile while the first scene is still being read.
-        let techniques = registry::TECHNIQUES.iter().flat_map(|entry| (entry.kernels)(&SurfelSettings::default()));
+        let techniques = config.techniques.iter().flat_map(|entry| (entry.kernels)(&entry.description.defaults()));
         for kernel in techniques.chain(["error_audit"]) {
             gpu.prepare(kernel, general_features(MaterialMode::Pbr, false));
         }

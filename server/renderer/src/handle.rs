@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use surfelcast_render_api::{Inspection, JobProgress, RenderOutput};
 use surfelcast_scene::{Camera, Picked, Scene, SceneEdit};
 use tokio::sync::{mpsc, oneshot, watch};
 
 use crate::command::{Command, CommandReceiver, SessionKey, ViewKey};
 use crate::error::RendererError;
-use crate::inspection::Inspection;
-use crate::job::{JobProgress, RenderJob, RenderOutput};
+use crate::job::RenderJob;
 use crate::slot::FrameSlot;
 use crate::status::RendererStatus;
 use crate::view::ViewState;
@@ -99,7 +99,7 @@ impl RendererHandle {
         self.ask(|reply| Command::Pick { session, camera, aspect, point, reply }).await
     }
 
-    /// Finds the surfels that light the surface under a point of an image.
+    /// Explains the surface under a point of an image, by what a technique of the session knows of it.
     pub async fn inspect(
         &self,
         session: SessionKey,

@@ -14,7 +14,6 @@ pub mod config;
 mod device_life;
 mod error;
 pub mod handle;
-pub mod inspection;
 pub mod job;
 pub mod progressive;
 mod refinement;
@@ -38,13 +37,13 @@ pub use command::{Command, CommandReceiver, SessionKey, ViewKey};
 pub use config::RendererConfig;
 pub use error::RendererError;
 pub use handle::RendererHandle;
-pub use inspection::{Contribution, Inspection};
-pub use job::{
-    Aov, DEFAULT_TECHNIQUE, ErrorEstimate, ExportedSurfel, JobProgress, KNOBS, Knob, MaterialMode, PassTime, RayCounts,
-    Reconstruction, RenderJob, RenderOutput, SkippedPass, StopRules, SurfelOutput, SurfelSettings,
-};
+pub use job::RenderJob;
 pub use progressive::Progressive;
 pub use slot::FrameSlot;
 pub use status::{DeviceInfo, DeviceState, RendererStatus};
+pub use surfelcast_render_api::{
+    Catalogue, ErrorEstimate, Inspection, JobProgress, MaterialMode, PassTime, RayCounts, RenderOutput, RenderSpec,
+    Settings, SkippedPass, StopRules,
+};
 pub use throughput::Throughput;
 pub use view::{Frame, FrameKind, ViewState};

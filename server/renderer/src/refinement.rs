@@ -6,7 +6,8 @@
 
 use std::time::{Duration, Instant};
 
-use crate::job::ErrorEstimate;
+use surfelcast_render_api::ErrorEstimate;
+
 use crate::progressive::Until;
 use crate::throughput::Throughput;
 use crate::view::{FrameKind, ViewState};
@@ -83,7 +84,8 @@ impl Refinement {
     pub(crate) fn update(&mut self, settings: ViewState) {
         let is_same_image = settings.camera == self.newest.camera
             && settings.size == self.newest.size
-            && settings.technique == self.newest.technique;
+            && settings.technique == self.newest.technique
+            && settings.settings == self.newest.settings;
         if !is_same_image {
             self.is_stale = true;
         } else if settings.is_moving != self.newest.is_moving && !settings.is_moving {
@@ -100,7 +102,7 @@ impl Refinement {
         {
             // The same radiance, shown again. The input number must reach the client even if nothing else changed.
             self.current.exposure = settings.exposure;
-            self.current.aov = settings.aov;
+            self.current.aov.clone_from(&settings.aov);
             self.current.input_seq = settings.input_seq;
             self.is_unsent = true;
         }
@@ -322,6 +324,8 @@ mod tests {
     use glam::DVec3;
     use surfelcast_scene::Camera;
 
+    use surfelcast_render_api::Settings;
+
     use super::*;
 
     fn settings() -> ViewState {
@@ -330,6 +334,7 @@ mod tests {
             size: [400, 300],
             exposure: 1.0,
             technique: "path".to_owned(),
+            settings: Settings::default(),
             aov: None,
             is_moving: false,
             is_paused: false,

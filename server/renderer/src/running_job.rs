@@ -1,21 +1,23 @@
-//! A batch render: steps of the technique until a stop rule holds, then the output.
+//! A batch render at work: steps of the technique until a stop rule holds, then the output.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
 use surfelcast_passes::{features, first_surface};
+use surfelcast_render_api::{
+    ErrorEstimate, JobProgress, OutputDescription, PassTime, RayCounts, RenderOutput, SkippedPass, StopRules,
+};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::technique::{Conformance, TechniqueOptions};
 use surfelcast_techniques::{
-    Audit, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers, SessionState, registry,
+    Audit, COMMON_OUTPUTS, CommonOutput, FirstSurfaceOutput, FrameView, LightBuffers, LightState, SceneBuffers,
+    SessionState, TechniqueEntry,
 };
 
 use crate::error::RendererError;
-use crate::job::{
-    Aov, ErrorEstimate, JobProgress, PassTime, RayCounts, RenderJob, RenderOutput, SkippedPass, StopRules,
-};
+use crate::job::RenderJob;
 use crate::progressive::{Progressive, SceneOnDevice};
 use crate::scenes::SceneStore;
 use crate::stop::{StopPolicy, StopReason};
@@ -24,17 +26,19 @@ use crate::throughput::Throughput;
 /// Largest factor of samples between audits: an error that falls with their root overshoots its goal by at most 10 %.
 const AUDIT_GROWTH: f64 = 1.25;
 
-/// State of a job after a step.
+/// Whether a job goes on.
 pub(crate) enum JobState {
-    /// It needs further steps.
+    /// Call again.
     Running,
-    /// It has ended.
+    /// Finished.
     Done(Box<RenderOutput>),
 }
 
 /// One job with its device state.
 pub(crate) struct RunningJob {
     job: RenderJob,
+    entry: &'static TechniqueEntry,
+    session: SessionState,
     view: FrameView,
     scene: Arc<SceneBuffers>,
     lights: LightBuffers,
@@ -45,69 +49,71 @@ pub(crate) struct RunningJob {
     setup_secs: f64,
 }
 
-/// Kernels that a job will run, to be compiled before its first step.
-pub(crate) fn kernels_of(job: &RenderJob) -> Vec<(&'static str, Features)> {
-    let Some(entry) = registry::by_id(&job.technique) else { return Vec::new() };
-    let is_split = is_split(job.aov);
+/// Kernels that a job will run, to be compiled before it takes the actor's time.
+pub(crate) fn kernels_of(entry: &TechniqueEntry, job: &RenderJob) -> Vec<(&'static str, Features)> {
+    let spec = &job.spec;
+    let is_split = described(entry, spec.aov.as_deref()).is_some_and(|output| output.is_split);
     let has_punctual = match &job.lights {
         Some(lights) => !lights.punctual.is_empty(),
         None => !job.scene.punctual_lights.is_empty(),
     };
-    let features = |is_split| features::features_for(&job.scene.summary, job.materials, has_punctual, is_split);
-    (entry.kernels)(&job.surfel)
+    let features = |is_split| features::features_for(&job.scene.summary, spec.materials, has_punctual, is_split);
+    (entry.kernels)(&spec.settings)
         .into_iter()
-        .filter(|_| surface_output(job.aov).is_none())
-        .chain(["error_audit"].into_iter().filter(|_| job.aov.is_none()))
+        .filter(|_| surface_output(spec.aov.as_deref()).is_none())
+        .chain(["error_audit"].into_iter().filter(|_| spec.aov.is_none()))
         .map(|kernel| (kernel, features(is_split && kernel != "error_audit")))
         .collect()
 }
 
-/// Whether an output needs direct and indirect light separately.
-fn is_split(aov: Option<Aov>) -> bool {
-    matches!(aov, Some(Aov::Direct | Aov::Indirect | Aov::Irradiance | Aov::Reflection))
+/// The description of an output that a technique has.
+fn described(entry: &TechniqueEntry, aov: Option<&str>) -> Option<&'static OutputDescription> {
+    let id = aov?;
+    COMMON_OUTPUTS.iter().chain(entry.description.outputs).find(|output| output.id == id)
 }
 
 impl RunningJob {
     /// Uploads and compiles what the job needs.
-    pub(crate) fn start(gpu: &Gpu, store: &mut SceneStore, job: RenderJob) -> Result<Self, RendererError> {
+    pub(crate) fn start(
+        gpu: &Gpu,
+        store: &mut SceneStore,
+        entry: &'static TechniqueEntry,
+        job: RenderJob,
+    ) -> Result<Self, RendererError> {
         let setup_started = Instant::now();
-        let entry = registry::by_id(&job.technique)
-            .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", job.technique)))?;
+        let spec = &job.spec;
         (entry.needs)(&job.scene.summary).map_err(RendererError::Unsupported)?;
+        let output = described(entry, spec.aov.as_deref());
+        if let (Some(id), None) = (&spec.aov, output) {
+            return Err(lacks(entry, id));
+        }
         let scene = store.get(gpu, &job.scene)?;
         let state = job.lights.clone().unwrap_or_else(|| LightState::of_scene(&job.scene));
         let lights = LightBuffers::new(gpu, &job.scene, &state)?;
         let options = TechniqueOptions {
-            size: job.size,
-            full_size: job.size,
-            materials: job.materials,
-            is_split: is_split(job.aov),
-            seed: job.seed,
+            size: spec.size,
+            full_size: spec.size,
+            materials: spec.materials,
+            is_split: output.is_some_and(|output| output.is_split),
+            seed: spec.seed,
             waits_for_kernels: true,
-            surfel: job.surfel,
+            settings: spec.settings.clone(),
         };
-        // A job has a cache of its own, so that it gives the same bytes whatever was rendered before it.
-        let technique = (entry.create)(gpu, &scene, &lights, &SessionState::default(), options)?;
-        if technique.surfel_cache().is_none() {
-            let lacking = match job.aov {
-                Some(Aov::Reflection) => Some("reflections kept apart"),
-                Some(Aov::Surfel(_)) => Some("surfels"),
-                _ => None,
-            };
-            if let Some(what) = lacking {
-                return Err(RendererError::Unsupported(format!("aov: technique {} has no {what}", job.technique)));
-            }
-        }
-        let is_biased = matches!((entry.conformance)(&job.surfel), Conformance::Biased { .. });
+        // A job starts from nothing, so that it gives the same bytes whatever was rendered before it.
+        let session = SessionState::default();
+        let technique = entry.start(gpu, &scene, &lights, &session, options)?;
+        let is_biased = matches!((entry.conformance)(&spec.settings), Conformance::Biased { .. });
         let audited = technique.features().with(Features::SPLIT, false);
         let mut progressive = Progressive::new(technique, Throughput::default());
-        if job.aov.is_none() {
-            progressive.set_audit(Audit::new(gpu, audited, job.size, job.seed)?);
+        if spec.aov.is_none() {
+            progressive.set_audit(Audit::new(gpu, audited, spec.size, spec.seed)?);
         }
-        // An output without an audit does not stop at an error.
-        let rules = StopRules { max_error: job.stop.max_error.filter(|_| progressive.has_audit()), ..job.stop };
+        // What cannot be audited does not stop at an error.
+        let rules = StopRules { max_error: spec.stop.max_error.filter(|_| progressive.has_audit()), ..spec.stop };
         Ok(Self {
-            view: FrameView { camera: job.camera, size: job.size, exposure: job.exposure },
+            view: FrameView { camera: spec.camera, size: spec.size, exposure: spec.exposure },
+            entry,
+            session,
             scene,
             lights,
             progressive,
@@ -119,14 +125,14 @@ impl RunningJob {
         })
     }
 
-    /// The job, to start it over on another device.
+    /// The job, to start it again on a new device.
     pub(crate) fn job(&self) -> &RenderJob {
         &self.job
     }
 
     /// Does the next piece of work.
     pub(crate) fn step(&mut self, gpu: &Gpu, is_canceled: bool) -> Result<JobState, RendererError> {
-        if let Some(output) = surface_output(self.job.aov) {
+        if let Some(output) = surface_output(self.job.spec.aov.as_deref()) {
             return self.finish_surface(gpu, output).map(|output| JobState::Done(Box::new(output)));
         }
         let samples = self.progressive.samples();
@@ -176,49 +182,49 @@ impl RunningJob {
         let samples = technique.samples();
         let picture = read_vec4(gpu, technique.picture())?;
         let rgb = |v: &[f32; 4]| [v[0], v[1], v[2]];
-        let pixels = match (self.job.aov, technique.split()) {
-            (Some(Aov::Direct), Some((direct, _))) => read_vec4(gpu, direct)?.iter().map(rgb).collect(),
-            (Some(Aov::Irradiance), Some((_, irradiance))) => read_vec4(gpu, irradiance)?.iter().map(rgb).collect(),
-            (Some(Aov::Indirect), Some((direct, _))) => {
+        let aov = self.job.spec.aov.as_deref();
+        let common = aov.and_then(CommonOutput::by_id);
+        let own = match aov.filter(|_| common.is_none()) {
+            Some(id) => {
+                let found = technique.output(gpu, &self.scene, &self.lights, &self.view, id, false)?;
+                Some(found.ok_or_else(|| lacks(self.entry, id))?)
+            }
+            None => None,
+        };
+        let pixels = match (common, technique.split()) {
+            (Some(CommonOutput::Direct), Some((direct, _))) => read_vec4(gpu, direct)?.iter().map(rgb).collect(),
+            (Some(CommonOutput::Irradiance), Some((_, irradiance))) => {
+                read_vec4(gpu, irradiance)?.iter().map(rgb).collect()
+            }
+            (Some(CommonOutput::Indirect), Some((direct, _))) => {
                 let direct = read_vec4(gpu, direct)?;
                 picture.iter().zip(&direct).map(|(all, direct)| [0, 1, 2].map(|i| all[i] - direct[i])).collect()
             }
-            (Some(Aov::Reflection), _) => match technique.reflection() {
-                Some(reflection) => read_vec4(gpu, reflection)?.iter().map(rgb).collect(),
-                None => return Err(self.lacks("reflections kept apart")),
-            },
-            (Some(Aov::Surfel(output)), _) => {
-                let Some(cache) = technique.surfel_cache() else { return Err(self.lacks("surfels")) };
-                let features = technique.features();
-                let found = cache.lock().look(gpu, &self.scene, &self.lights, &self.view, features, output, false)?;
-                self.progressive.cost_mut().add([0; 3], 0, found.1);
-                read_vec4(gpu, &found.0)?.iter().map(rgb).collect()
-            }
-            (Some(Aov::SampleCount), _) => vec![[samples as f32; 3]; picture.len()],
-            (Some(Aov::Variance), _) => {
+            (Some(CommonOutput::SampleCount), _) => vec![[samples as f32; 3]; picture.len()],
+            (Some(CommonOutput::Variance), _) => {
                 // Variance of the mean: squared deviations over n (n - 1).
                 let n = f64::from(samples);
                 let scale = if samples > 1 { 1.0 / (n * (n - 1.0)) } else { 0.0 };
                 picture.iter().map(|v| [(f64::from(v[3]) * scale) as f32; 3]).collect()
             }
-            _ => picture.iter().map(rgb).collect(),
+            _ => match &own {
+                Some(own) => read_vec4(gpu, &own.buffer)?.iter().map(rgb).collect(),
+                None => picture.iter().map(rgb).collect(),
+            },
         };
+        if let Some(own) = own {
+            self.progressive.cost_mut().add([0; 3], 0, own.passes);
+        }
         let mut output = self.output(gpu, pixels, samples, reason);
-        if self.job.exports_surfels
-            && let Some(cache) = self.progressive.technique().surfel_cache()
-        {
-            output.exported_surfels = cache.lock().export(gpu)?;
+        if self.job.exports {
+            output.export = self.session.of(self.entry).export(gpu, &self.scene)?;
         }
         Ok(output)
     }
 
-    fn lacks(&self, what: &str) -> RendererError {
-        RendererError::Unsupported(format!("aov: technique {} has no {what}", self.job.technique))
-    }
-
     fn finish_surface(&mut self, gpu: &Gpu, output: FirstSurfaceOutput) -> Result<RenderOutput, RendererError> {
         let (pixels, passes) =
-            first_surface::first_surface(gpu, &self.scene, &self.lights, &self.view, self.job.materials, output)?;
+            first_surface::first_surface(gpu, &self.scene, &self.lights, &self.view, self.job.spec.materials, output)?;
         self.progressive.cost_mut().add([pixels.len() as u64, 0, 0], 0, passes);
         Ok(self.output(gpu, pixels, 1, StopReason::Samples))
     }
@@ -229,17 +235,17 @@ impl RunningJob {
         let [primary, secondary, shadow] = cost.rays;
         RenderOutput {
             pixels,
-            size: self.job.size,
+            size: self.job.spec.size,
             samples,
             error: self.error,
             rays: RayCounts { primary, secondary, shadow },
             render_secs: self.started.elapsed().as_secs_f64(),
             setup_secs: self.setup_secs,
-            surfels: self.progressive.technique().surfels(),
+            occupancy: self.progressive.technique().occupancy(),
             passes: pass_times(&cost.passes),
             skipped: skipped_passes(self.progressive.technique().features(), !self.progressive.has_audit()),
             non_finite: cost.non_finite,
-            exported_surfels: Vec::new(),
+            export: None,
             memory_bytes: vec![
                 ("scene".to_owned(), memory.scene_bytes),
                 ("session".to_owned(), memory.session_bytes),
@@ -251,22 +257,13 @@ impl RunningJob {
     }
 }
 
-/// The first-surface output of an AOV, for those that are one.
-pub(crate) fn surface_output(aov: Option<Aov>) -> Option<FirstSurfaceOutput> {
-    match aov? {
-        Aov::Albedo => Some(FirstSurfaceOutput::Albedo),
-        Aov::Normal => Some(FirstSurfaceOutput::Normal),
-        Aov::Depth => Some(FirstSurfaceOutput::Depth),
-        Aov::Position => Some(FirstSurfaceOutput::Position),
-        Aov::InstanceId => Some(FirstSurfaceOutput::Instance),
-        Aov::Direct
-        | Aov::Indirect
-        | Aov::Irradiance
-        | Aov::SampleCount
-        | Aov::Variance
-        | Aov::Reflection
-        | Aov::Surfel(_) => None,
-    }
+/// The first-surface output behind an id, where there is one.
+pub(crate) fn surface_output(aov: Option<&str>) -> Option<FirstSurfaceOutput> {
+    if let Some(CommonOutput::Surface(output)) = CommonOutput::by_id(aov?) { Some(output) } else { None }
+}
+
+fn lacks(entry: &TechniqueEntry, output: &str) -> RendererError {
+    RendererError::Unsupported(format!("aov: technique {} has no {output}", entry.id()))
 }
 
 pub(crate) fn pass_times(passes: &[surfelcast_gpu::PassTime]) -> Vec<PassTime> {

@@ -7,14 +7,16 @@ use surfelcast_gpu::PassTime;
 use surfelcast_passes::first_surface;
 use surfelcast_passes::merge_passes;
 use surfelcast_passes::tone_map::tone_map;
+use surfelcast_render_api::{ErrorEstimate, Settings, SkippedPass};
 use surfelcast_shaders::Features;
 use surfelcast_techniques::technique::{Change, TechniqueOptions};
-use surfelcast_techniques::{Audit, FrameView, MaterialMode, SessionState, SurfelSettings, registry};
+use surfelcast_techniques::{
+    Audit, FrameView, MaterialMode, OutputImage, SessionState, Technique, TechniqueEntry, registry,
+};
 
 use crate::audit_schedule::FIRST_AUDIT;
 use crate::command::SessionKey;
 use crate::error::RendererError;
-use crate::job::{Aov, ErrorEstimate, SkippedPass, SurfelOutput};
 use crate::progressive::{Progressive, SceneOnDevice};
 use crate::refinement::Refinement;
 use crate::running_job::{pass_times, skipped_passes, surface_output};
@@ -31,11 +33,13 @@ const SEED: u64 = 0;
 struct Image {
     progressive: Progressive,
     technique_id: String,
+    settings: Settings,
     size: [u32; 2],
 }
 
 /// One view.
 pub(crate) struct RunningView {
+    techniques: &'static [TechniqueEntry],
     pub(crate) session: SessionKey,
     pub(crate) slot: FrameSlot,
     /// Device time used, seconds.
@@ -50,8 +54,15 @@ pub(crate) struct RunningView {
 }
 
 impl RunningView {
-    pub(crate) fn new(session: SessionKey, state: ViewState, slot: FrameSlot, used_secs: f64) -> Self {
+    pub(crate) fn new(
+        techniques: &'static [TechniqueEntry],
+        session: SessionKey,
+        state: ViewState,
+        slot: FrameSlot,
+        used_secs: f64,
+    ) -> Self {
         Self {
+            techniques,
             session,
             slot,
             used_secs,
@@ -160,6 +171,7 @@ impl RunningView {
         let fits = |image: &Image| {
             image.size == size
                 && image.technique_id == current.technique
+                && image.settings == current.settings
                 && image.progressive.technique().features().contains(Features::PUNCTUAL_LIGHTS) == has_lights
         };
         if self.image.as_ref().is_some_and(fits) {
@@ -167,7 +179,7 @@ impl RunningView {
         }
         // The buffers of the old image are freed before those of the new one are allocated, except what it starts from.
         let earlier = self.image.take().and_then(|mut image| image.progressive.technique_mut().leave_frame());
-        let entry = registry::by_id(&current.technique)
+        let (entry, settings) = registry::find(self.techniques, &current.technique)
             .ok_or_else(|| RendererError::Unsupported(format!("technique `{}` is not known", current.technique)))?;
         let options = TechniqueOptions {
             size,
@@ -178,15 +190,16 @@ impl RunningView {
             // Where kernels compile when they run, the general variant would only add its own time, and the change to
             // the fitting one would interrupt the image a second time.
             waits_for_kernels: on.gpu.compiles_when_run(),
-            surfel: SurfelSettings::default(),
+            settings: settings.with(&current.settings),
         };
-        let mut technique = (entry.create)(on.gpu, on.scene, on.lights, session, options)?;
+        let mut technique = entry.start(on.gpu, on.scene, on.lights, session, options)?;
         if let Some(earlier) = earlier {
             technique.take_frame(earlier);
         }
         self.image = Some(Image {
             progressive: Progressive::new(technique, self.throughput),
             technique_id: current.technique.clone(),
+            settings: current.settings.clone(),
             size,
         });
         Ok(())
@@ -251,34 +264,21 @@ impl RunningView {
 
     /// Tone-maps the image and puts it into the slot.
     fn show(&mut self, on: SceneOnDevice<'_>, scene_rev: u32) -> Result<(), RendererError> {
-        let SceneOnDevice { gpu, scene, lights } = on;
+        let gpu = on.gpu;
         let Some(Image { progressive, size, .. }) = &self.image else { return Ok(()) };
         let current = self.refinement.current();
         let (technique, samples) = (progressive.technique(), progressive.samples());
         let [width, height] = *size;
         let view = frame_view(current, *size);
-        let features = technique.features();
-        let output = match current.aov {
-            Some(Aov::Surfel(output)) => match technique.surfel_cache() {
-                Some(cache) => Some(cache.lock().look(gpu, scene, lights, &view, features, output, true)?),
-                None => None,
-            },
-            Some(aov) => match surface_output(Some(aov)) {
-                Some(output) => {
-                    Some(first_surface::first_surface_for_screen(gpu, scene, lights, &view, MaterialMode::Pbr, output)?)
-                }
-                None => None,
-            },
-            None => None,
-        };
+        let output = shown_output(on, &view, current.aov.as_deref(), technique)?;
         let (picture, exposure) = match &output {
-            Some((buffer, _)) if !matches!(current.aov, Some(Aov::Surfel(SurfelOutput::Irradiance))) => (buffer, 1.0),
-            Some((buffer, _)) => (buffer, current.exposure),
+            Some(output) if !output.is_light => (&output.buffer, 1.0),
+            Some(output) => (&output.buffer, current.exposure),
             None => (technique.picture(), current.exposure),
         };
         let (pixels, mut passes) = tone_map(gpu, picture, width * height, exposure)?;
-        if let Some((_, more)) = output {
-            merge_passes(&mut passes, more);
+        if let Some(output) = output {
+            merge_passes(&mut passes, output.passes);
         }
         merge_passes(&mut self.passes, passes);
         let error = self.refinement.error();
@@ -310,4 +310,21 @@ impl RunningView {
 
 fn frame_view(settings: &ViewState, size: [u32; 2]) -> FrameView {
     FrameView { camera: settings.camera, size, exposure: settings.exposure }
+}
+
+/// What is shown instead of radiance, as colours that survive the tone map; none where the technique has no such output.
+fn shown_output(
+    on: SceneOnDevice<'_>,
+    view: &FrameView,
+    aov: Option<&str>,
+    technique: &dyn Technique,
+) -> Result<Option<OutputImage>, RendererError> {
+    let SceneOnDevice { gpu, scene, lights } = on;
+    let Some(id) = aov else { return Ok(None) };
+    let Some(output) = surface_output(aov) else {
+        return Ok(technique.output(gpu, scene, lights, view, id, true)?);
+    };
+    let (buffer, passes) =
+        first_surface::first_surface_for_screen(gpu, scene, lights, view, MaterialMode::Pbr, output)?;
+    Ok(Some(OutputImage { buffer, passes, is_light: false }))
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use surfelcast_gpu::Gpu;
-use surfelcast_scene::{LightState, Scene, SceneEdit};
-use surfelcast_techniques::{Change, LightBuffers, SceneBuffers, SessionState};
+use surfelcast_render_api::Inspection;
+use surfelcast_scene::{Camera, LightState, Scene, SceneEdit};
+use surfelcast_techniques::{Change, FrameView, LightBuffers, SceneBuffers, SessionState, TechniqueEntry};
 
 use crate::error::RendererError;
 use crate::progressive::SceneOnDevice;
@@ -16,21 +17,21 @@ use crate::snapshots;
 pub(crate) struct Session {
     pub(crate) scene: Arc<Scene>,
     pub(crate) lights: LightState,
-    /// Revision of what the session shows, returned in frames.
+    /// Revision of the lights, returned in frames.
     pub(crate) scene_rev: u32,
-    /// Scene and light table on the device; uploaded when first used.
+    /// Scene and light table on the device; made when first needed.
     on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
     /// What its views share.
     pub(crate) shared: SessionState,
 }
 
 impl Session {
-    /// A session of a scene, with the surfels that an earlier one saved in `snapshots`.
-    pub(crate) fn new(scene: Arc<Scene>, snapshots: Option<&Path>) -> Self {
+    /// A session of a scene, with what techniques saved of it in `snapshots`.
+    pub(crate) fn new(scene: Arc<Scene>, techniques: &'static [TechniqueEntry], snapshots: Option<&Path>) -> Self {
         let lights = LightState::of_scene(&scene);
         let shared = SessionState::default();
         if let Some(folder) = snapshots {
-            snapshots::offer(folder, &scene, &lights, &shared);
+            snapshots::offer(folder, techniques, &scene, &lights, &shared);
         }
         Self { scene, lights, scene_rev: 0, on_device: None, shared }
     }
@@ -61,7 +62,7 @@ impl Session {
         }
     }
 
-    /// Scene and lights on the device, uploaded if necessary, and what the session's views share.
+    /// Scene and lights on the device, uploaded if need be, and what the session's views share.
     pub(crate) fn on_device<'a>(
         &'a mut self,
         gpu: &'a Gpu,
@@ -78,13 +79,34 @@ impl Session {
         Ok((SceneOnDevice { gpu, scene, lights }, &self.shared))
     }
 
-    /// Drops what was on the lost device.
+    /// What a technique knows of the surface under a point of an image of that size.
+    pub(crate) fn inspect(
+        &mut self,
+        gpu: &Gpu,
+        store: &mut SceneStore,
+        camera: Camera,
+        size: [u32; 2],
+        point: [f32; 2],
+    ) -> Result<Option<Inspection>, RendererError> {
+        let (on, shared) = self.on_device(gpu, store)?;
+        let size = size.map(|side| side.max(1));
+        let pixel = [0, 1].map(|axis| ((point[axis] * size[axis] as f32) as u32).min(size[axis] - 1));
+        let view = FrameView { camera, size, exposure: 1.0 };
+        for (_, part) in shared.parts() {
+            if let Some(found) = part.inspect(gpu, on.scene, on.lights, &view, pixel)? {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The device is gone, and what was on it.
     pub(crate) fn forget_device(&mut self) {
         self.on_device = None;
         self.shared = SessionState::default();
     }
 
-    /// Saves the session's surfels for the next session of its scene.
+    /// Keeps the session's state for the next time its scene is opened.
     pub(crate) fn save(&self, gpu: &Gpu, snapshots: &Path) {
         snapshots::save(snapshots, gpu, &self.scene, &self.lights, &self.shared);
     }

@@ -1,5 +1,9 @@
 //! What the outside may know of the renderer at any time.
 
+use std::sync::Arc;
+
+use surfelcast_render_api::Catalogue;
+
 /// The device in use.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct DeviceInfo {
@@ -27,19 +31,6 @@ pub enum DeviceState {
     Failed,
 }
 
-/// A technique on offer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TechniqueDescription {
-    /// Id.
-    pub id: &'static str,
-    /// Name for people.
-    pub label: &'static str,
-    /// One sentence.
-    pub summary: &'static str,
-    /// Whether presets, knobs and reconstruction of the surfel cache mean anything to it.
-    pub uses_surfels: bool,
-}
-
 /// Snapshot, published through a `watch` channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RendererStatus {
@@ -49,8 +40,8 @@ pub struct RendererStatus {
     pub device: DeviceInfo,
     /// Rises by one when the device was rebuilt.
     pub epoch: u32,
-    /// Techniques, the default first.
-    pub techniques: Vec<TechniqueDescription>,
+    /// What may be requested.
+    pub catalogue: Arc<Catalogue>,
     /// Open sessions.
     pub session_count: u32,
     /// Open views.

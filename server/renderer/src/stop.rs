@@ -4,8 +4,8 @@
 
 use std::time::Duration;
 
-use crate::job::StopRules;
 use crate::progressive::{MAX_JOB_BATCH, Until};
+use surfelcast_render_api::StopRules;
 
 /// Samples a pixel after which a job without another rule ends.
 const MAX_SAMPLES: u32 = 1 << 20;

@@ -1,16 +1,19 @@
 //! A job between its submission and its answer.
 
 use surfelcast_gpu::Gpu;
+use surfelcast_render_api::{JobProgress, RenderOutput};
+use surfelcast_techniques::TechniqueEntry;
 use tokio::sync::watch;
 
 use crate::command::Reply;
 use crate::error::RendererError;
-use crate::job::{JobProgress, RenderJob, RenderOutput};
+use crate::job::RenderJob;
 use crate::running_job::{JobState, RunningJob, kernels_of};
 use crate::scenes::SceneStore;
 
 /// A job with the channels to its caller.
 pub(crate) struct SubmittedJob {
+    technique: &'static TechniqueEntry,
     work: Work,
     progress: watch::Sender<JobProgress>,
     cancel: watch::Receiver<bool>,
@@ -25,12 +28,13 @@ enum Work {
 
 impl SubmittedJob {
     pub(crate) fn new(
+        technique: &'static TechniqueEntry,
         job: Box<RenderJob>,
         progress: watch::Sender<JobProgress>,
         cancel: watch::Receiver<bool>,
         reply: Reply<RenderOutput>,
     ) -> Self {
-        Self { work: Work::Waiting(job), progress, cancel, reply }
+        Self { technique, work: Work::Waiting(job), progress, cancel, reply }
     }
 
     /// Whether the caller no longer waits for the answer.
@@ -42,16 +46,16 @@ impl SubmittedJob {
     pub(crate) fn is_compiled(&self, gpu: &Gpu) -> bool {
         match &self.work {
             Work::Running(_) => true,
-            Work::Waiting(job) => {
-                kernels_of(job).iter().all(|(name, features)| gpu.kernel_if_ready(name, *features).is_some())
-            }
+            Work::Waiting(job) => kernels_of(self.technique, job)
+                .iter()
+                .all(|(name, features)| gpu.kernel_if_ready(name, *features).is_some()),
         }
     }
 
     /// Starts to compile the job's kernels in the background, so that views need not wait for them.
     pub(crate) fn prepare(&self, gpu: &Gpu) {
         if let Work::Waiting(job) = &self.work {
-            for (name, features) in kernels_of(job) {
+            for (name, features) in kernels_of(self.technique, job) {
                 gpu.prepare(name, features);
             }
         }
@@ -67,7 +71,7 @@ impl SubmittedJob {
         match &mut self.work {
             Work::Waiting(_) if is_canceled => Err(RendererError::Canceled),
             Work::Waiting(job) => {
-                self.work = Work::Running(Box::new(RunningJob::start(gpu, store, (**job).clone())?));
+                self.work = Work::Running(Box::new(RunningJob::start(gpu, store, self.technique, (**job).clone())?));
                 Ok(None)
             }
             Work::Running(running) => match running.step(gpu, is_canceled)? {

@@ -3,9 +3,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use surfelcast_render_api::{ErrorEstimate, PassTime, Settings, SkippedPass};
 use surfelcast_scene::Camera;
-
-use crate::job::{Aov, ErrorEstimate, PassTime, SkippedPass};
 
 /// Settings of a view. The actor keeps only the newest.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,10 +15,12 @@ pub struct ViewState {
     pub size: [u32; 2],
     /// Linear exposure.
     pub exposure: f32,
-    /// Technique id, one of [`crate::RendererStatus::techniques`].
+    /// Technique id or alias, one of [`crate::RendererStatus::catalogue`].
     pub technique: String,
-    /// Shown instead of radiance: an output of [`crate::Aov`] that views can show, for inspecting the renderer.
-    pub aov: Option<Aov>,
+    /// Values of its settings; those that are missing are as the technique's id or alias has them.
+    pub settings: Settings,
+    /// Shown instead of radiance: id of an output that views can show, for inspecting the renderer.
+    pub aov: Option<String>,
     /// A gesture is in progress: render fast and coarse.
     pub is_moving: bool,
     /// Nothing is rendered while true.

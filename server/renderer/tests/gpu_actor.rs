@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use surfelcast_renderer::scene::{LightState, LoadOptions, Scene, SceneEdit, ViewFile, demo, load_bytes};
 use surfelcast_renderer::{
-    DeviceState, Frame, FrameKind, FrameSlot, MaterialMode, RenderJob, RendererConfig, RendererError, RendererHandle,
-    StopRules, SurfelSettings, ViewState, start,
+    DeviceState, Frame, FrameKind, FrameSlot, MaterialMode, RenderJob, RenderSpec, RendererConfig, RendererError,
+    RendererHandle, Settings, StopRules, ViewState, start,
 };
 
 /// Longest wait for anything a test expects.
@@ -20,21 +20,27 @@ fn cornell_box() -> Arc<Scene> {
     Arc::new(load_bytes(&demo.glb, demo.name, &LoadOptions { view: Some(view), ..LoadOptions::default() }).unwrap())
 }
 
-fn job(scene: &Arc<Scene>, samples: u32) -> RenderJob {
-    RenderJob {
-        scene: Arc::clone(scene),
-        lights: None,
+fn spec(scene: &Arc<Scene>, samples: u32) -> RenderSpec {
+    RenderSpec {
+        scene: scene.id.to_string(),
         camera: scene.cameras[0].camera,
         size: [48, 48],
         technique: "path".to_owned(),
+        settings: Settings::default(),
         materials: MaterialMode::Lambert,
-        surfel: SurfelSettings::default(),
         seed: 7,
         stop: StopRules { samples: Some(samples), ..StopRules::default() },
         exposure: 1.0,
         aov: None,
-        exports_surfels: false,
     }
+}
+
+fn job_of(scene: &Arc<Scene>, spec: RenderSpec) -> RenderJob {
+    RenderJob { scene: Arc::clone(scene), lights: None, spec, exports: false }
+}
+
+fn job(scene: &Arc<Scene>, samples: u32) -> RenderJob {
+    job_of(scene, spec(scene, samples))
 }
 
 fn view_state(scene: &Arc<Scene>) -> ViewState {
@@ -43,6 +49,7 @@ fn view_state(scene: &Arc<Scene>) -> ViewState {
         size: [48, 40],
         exposure: 1.0,
         technique: "path".to_owned(),
+        settings: Settings::default(),
         aov: None,
         is_moving: false,
         is_paused: false,
@@ -114,7 +121,13 @@ async fn the_same_job_gives_the_same_bytes_and_a_seed_changes_them() {
     assert_eq!(first.pixels, second.pixels);
     assert_eq!(first.error, second.error);
     assert_eq!((first.samples, first.stopped_by, first.non_finite), (20, "samples", 0));
-    let other = renderer.render(RenderJob { seed: 8, ..job(&scene, 20) }).unwrap().result.await.unwrap().unwrap();
+    let other = renderer
+        .render(job_of(&scene, RenderSpec { seed: 8, ..spec(&scene, 20) }))
+        .unwrap()
+        .result
+        .await
+        .unwrap()
+        .unwrap();
     assert_ne!(first.pixels, other.pixels);
     renderer.stop().await;
 }
@@ -124,12 +137,19 @@ async fn a_job_stops_at_the_error_it_was_given() {
     let renderer = ready(RendererConfig::default()).await;
     let scene = cornell_box();
     let stop = StopRules { max_error: Some(0.02), ..StopRules::default() };
-    let output = renderer.render(RenderJob { stop, ..job(&scene, 1) }).unwrap().result.await.unwrap().unwrap();
+    let output =
+        renderer.render(job_of(&scene, RenderSpec { stop, ..spec(&scene, 1) })).unwrap().result.await.unwrap().unwrap();
     assert_eq!(output.stopped_by, "max_error");
     let error = output.error.unwrap();
     assert!(error.rmse_tonemapped <= 0.02, "{error:?}");
     // Measured against an image with far less noise.
-    let truth = renderer.render(RenderJob { seed: 99, ..job(&scene, 2048) }).unwrap().result.await.unwrap().unwrap();
+    let truth = renderer
+        .render(job_of(&scene, RenderSpec { seed: 99, ..spec(&scene, 2048) }))
+        .unwrap()
+        .result
+        .await
+        .unwrap()
+        .unwrap();
     let tone = |c: &[f32; 3]| c.map(|v| f64::from(v) / (1.0 + f64::from(c[0].max(c[1]).max(c[2]))));
     let squares: f64 = output
         .pixels
@@ -149,7 +169,8 @@ async fn a_converged_view_states_the_error_of_what_it_shows() {
     let scene = cornell_box();
     let state = ViewState { max_samples: 31, ..view_state(&scene) };
     // The job comes first: it compiles the audit, which a view does not wait for while it refines.
-    let same = RenderJob { size: state.size, seed: 0, materials: MaterialMode::Pbr, ..job(&scene, 31) };
+    let same = RenderSpec { size: state.size, seed: 0, materials: MaterialMode::Pbr, ..spec(&scene, 31) };
+    let same = job_of(&scene, same);
     let output = renderer.render(same).unwrap().result.await.unwrap().unwrap();
     let session = renderer.open_session(Arc::clone(&scene)).await.unwrap();
     let slot = FrameSlot::default();
@@ -322,7 +343,7 @@ async fn a_lost_device_comes_back_with_sessions_and_jobs() {
 async fn unknown_techniques_and_sessions_are_refused() {
     let renderer = ready(RendererConfig::default()).await;
     let scene = cornell_box();
-    let unknown = RenderJob { technique: "radiosity".to_owned(), ..job(&scene, 1) };
+    let unknown = job_of(&scene, RenderSpec { technique: "radiosity".to_owned(), ..spec(&scene, 1) });
     let answer = renderer.render(unknown).unwrap().result.await.unwrap();
     assert!(matches!(&answer, Err(RendererError::Unsupported(text)) if text.contains("radiosity")), "{answer:?}");
     let session = renderer.open_session(Arc::clone(&scene)).await.unwrap();

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use surfelcast_renderer::scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_renderer::{
-    DeviceState, MaterialMode, RenderJob, RenderOutput, RendererConfig, RendererHandle, StopRules, SurfelSettings,
-    start,
+    DeviceState, MaterialMode, RenderJob, RenderOutput, RenderSpec, RendererConfig, RendererHandle, Settings,
+    StopRules, start,
 };
 
 /// Longest wait for anything a test expects.
@@ -19,20 +19,19 @@ const GOAL: f64 = 0.01;
 const LIMIT: f64 = 0.0115;
 
 fn job(scene: &Arc<Scene>, technique: &str, seed: u64, stop: StopRules) -> RenderJob {
-    RenderJob {
-        scene: Arc::clone(scene),
-        lights: None,
+    let spec = RenderSpec {
+        scene: scene.id.to_string(),
         camera: scene.cameras[0].camera,
         size: [48, 36],
         technique: technique.to_owned(),
+        settings: Settings::default(),
         materials: MaterialMode::Lambert,
-        surfel: SurfelSettings::default(),
         seed,
         stop,
         exposure: 1.0,
         aov: None,
-        exports_surfels: false,
-    }
+    };
+    RenderJob { scene: Arc::clone(scene), lights: None, spec, exports: false }
 }
 
 async fn rendered(renderer: &RendererHandle, job: RenderJob) -> RenderOutput {

@@ -1,27 +1,14 @@
 //! Cameras between the protocol's poses and the renderer.
 
 use surfelcast_protocol::settings::Pose;
+use surfelcast_render_api::check;
 use surfelcast_renderer::scene::Camera;
 use surfelcast_review::ReviewError;
-use surfelcast_review::number::{VFOV_DEG, direction, position};
 
-/// A camera from its parts; names of the fields as the caller's protocol has them.
-pub(crate) fn camera(prefix: &str, eye_name: &str, pose: &Pose) -> Result<Camera, ReviewError> {
-    let eye = position(&format!("{prefix}.{eye_name}"), pose.eye)?;
-    let target = position(&format!("{prefix}.target"), pose.target)?;
-    let up = direction(&format!("{prefix}.up"), pose.up)?;
-    let vfov = pose.vfov_deg;
-    if !(VFOV_DEG.0..=VFOV_DEG.1).contains(&vfov) {
-        let reason = format!("must be within {} to {} degrees", VFOV_DEG.0, VFOV_DEG.1);
-        return Err(ReviewError::invalid(format!("{prefix}.vfov_deg"), reason));
-    }
-    let camera = Camera { position: eye, target, up, vfov: vfov.to_radians() };
-    if camera.is_valid() {
-        Ok(camera)
-    } else {
-        let reason = format!("{eye_name} and target must differ and up must not be parallel to the view direction");
-        Err(ReviewError::invalid(prefix, reason))
-    }
+/// The camera of a pose.
+pub(crate) fn camera(prefix: &str, pose: &Pose) -> Result<Camera, ReviewError> {
+    let camera = check::camera(prefix, "eye", [pose.eye, pose.target, pose.up], pose.vfov_deg);
+    camera.map_err(|fault| ReviewError::invalid(fault.field, fault.reason))
 }
 
 /// The reverse of [`camera`].
@@ -42,11 +29,11 @@ mod tests {
 
     #[test]
     fn extremes_are_refused_by_field() {
-        assert!(camera("pose", "eye", &POSE).is_ok());
+        assert!(camera("pose", &POSE).is_ok());
         let refused = |edit: fn(&mut Pose), field: &str| {
             let mut pose = POSE;
             edit(&mut pose);
-            let error = camera("pose", "eye", &pose).expect_err(field).to_string();
+            let error = camera("pose", &pose).expect_err(field).to_string();
             assert!(error.starts_with(field), "{error}");
         };
         refused(|p| p.eye[0] = f64::NAN, "pose.eye: ");
@@ -56,14 +43,14 @@ mod tests {
         refused(|p| p.up = [0.0, 0.0, 2.0], "pose: ");
         refused(|p| p.target = p.eye, "pose: ");
         for vfov in [0.0, -45.0, 180.0, f64::NAN] {
-            let error = camera("pose", "eye", &Pose { vfov_deg: vfov, ..POSE }).expect_err("vfov").to_string();
+            let error = camera("pose", &Pose { vfov_deg: vfov, ..POSE }).expect_err("vfov").to_string();
             assert!(error.starts_with("pose.vfov_deg: "), "{error}");
         }
     }
 
     #[test]
     fn poses_survive_the_round_trip() {
-        let once = camera("pose", "eye", &POSE).expect("valid");
+        let once = camera("pose", &POSE).expect("valid");
         let pose = pose_of(&once);
         assert!((pose.vfov_deg - POSE.vfov_deg).abs() < 1e-12);
         assert_eq!((pose.eye, pose.target, pose.up), (POSE.eye, POSE.target, POSE.up));

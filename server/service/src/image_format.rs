@@ -19,6 +19,11 @@ pub(crate) enum ImageFormat {
 impl ImageFormat {
     pub(crate) const ALL: [Self; 4] = [Self::Png, Self::Jpeg, Self::Webp, Self::Exr];
 
+    /// Formats of radiance, or of another output: numbers as they are, or an image to look at.
+    pub(crate) fn of_output(is_data: bool) -> &'static [Self] {
+        if is_data { &[Self::Exr, Self::Png] } else { &Self::ALL }
+    }
+
     pub(crate) fn mime(self) -> &'static str {
         match self {
             Self::Png => "image/png",

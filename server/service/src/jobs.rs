@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use parking_lot::Mutex;
 use surfelcast_renderer::handle::JobTicket;
-use surfelcast_renderer::{JobProgress, RenderJob, RenderOutput, RendererError, RendererHandle};
+use surfelcast_renderer::{JobProgress, RenderJob, RenderOutput, RenderSpec, RendererError, RendererHandle};
 use surfelcast_store::{RenderBounds, RenderTable};
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -38,7 +38,7 @@ pub(crate) enum JobState {
 #[derive(Debug)]
 pub(crate) struct Job {
     pub(crate) id: String,
-    pub(crate) spec: RenderJob,
+    pub(crate) spec: RenderSpec,
     key: String,
     state: watch::Sender<JobState>,
     progress: watch::Receiver<JobProgress>,
@@ -72,8 +72,7 @@ impl Job {
 
     /// Formats in which the image is available.
     pub(crate) fn formats(&self) -> &'static [ImageFormat] {
-        // Values that are no colours survive only in floating point.
-        if self.spec.aov.is_some() { &[ImageFormat::Exr] } else { &ImageFormat::ALL }
+        ImageFormat::of_output(self.spec.aov.is_some())
     }
 
     /// Strong entity tag: the hash of everything the image depends on. With a time limit the image also depends on how
@@ -125,13 +124,14 @@ impl Jobs {
     }
 
     /// The job of the same key, or a new one. The flag says whether it is new.
-    pub(crate) fn submit(&self, spec: RenderJob, key: String) -> Result<(Arc<Job>, bool), DomainError> {
+    pub(crate) fn submit(&self, job: RenderJob, key: String) -> Result<(Arc<Job>, bool), DomainError> {
         let mut table = self.0.table.lock();
         if let Some(job) = table.get_by_key(&key) {
             return Ok((job, false));
         }
         table.check_limit()?;
-        let ticket = self.0.handle.render(spec.clone())?;
+        let spec = job.spec.clone();
+        let ticket = self.0.handle.render(job)?;
         let job = Arc::new(Job {
             id: random_id().map_err(|e| DomainError::internal(&e))?,
             spec,
@@ -159,7 +159,8 @@ impl Jobs {
         if let Some(file) = encoded.get(&format) {
             return Ok(file.clone());
         }
-        let exposure = job.spec.exposure;
+        // Exposure belongs to radiance; other outputs are shown as they are.
+        let exposure = if job.spec.aov.is_some() { 1.0 } else { job.spec.exposure };
         let began = Instant::now();
         let file = self.0.encoders.run(move || format.encode(&output, exposure)).await;
         let file = file.map_err(|e| DomainError::internal(&e))?.map_err(DomainError::NotEncodable)?;

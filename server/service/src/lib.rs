@@ -37,6 +37,8 @@ mod scene_library;
 mod scene_lights;
 mod sessions;
 mod state;
+#[cfg(test)]
+mod test_catalogue;
 
 pub use config::{Bounds, ServiceConfig, Timeouts};
 pub use http::listen::run;

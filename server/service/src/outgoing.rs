@@ -123,6 +123,7 @@ mod tests {
             size: [8, 8],
             exposure: 1.0,
             technique: "path".into(),
+            settings: surfelcast_renderer::Settings::default(),
             aov: None,
             is_moving: false,
             is_paused: false,

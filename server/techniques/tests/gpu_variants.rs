@@ -4,11 +4,12 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_passes::step::StepBudget;
+use surfelcast_render_api::Settings;
 use surfelcast_scene::{LoadOptions, Scene, ViewFile, demo, load_bytes};
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
 use surfelcast_techniques::{
-    FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, path, registry,
+    FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, path, registry,
 };
 
 const SIZE: [u32; 2] = [40, 30];
@@ -45,14 +46,14 @@ fn compare(gpu: &Gpu, scene: &Scene, materials: MaterialMode) {
         is_split: false,
         seed: 3,
         waits_for_kernels: true,
-        surfel: SurfelSettings::default(),
+        settings: Settings::default(),
     };
     for named in &scene.cameras {
         let view = FrameView { camera: named.camera, size: SIZE, exposure: 1.0 };
-        let mut special =
-            (registry::by_id("path").unwrap().create)(gpu, &buffers, &lights, &SessionState::default(), options)
-                .unwrap();
-        let mut general = path::create_general(gpu, options).unwrap();
+        let entry = registry::by_id("path").unwrap();
+        let session = SessionState::default();
+        let mut special = entry.start(gpu, &buffers, &lights, &session, options.clone()).unwrap();
+        let mut general = path::create_general(gpu, options.clone()).unwrap();
         assert_ne!(special.features(), general.features());
         let special = picture(gpu, special.as_mut(), &buffers, &lights, &view);
         let general = picture(gpu, general.as_mut(), &buffers, &lights, &view);

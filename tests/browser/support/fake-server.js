@@ -27,20 +27,27 @@ const LIMITS = {
  * @param {number} count
  */
 export function inspectionOf(count) {
-  const light = { direct: [0.5, 0.4, 0.3], indirect: [0.125, 0.1, 0.05] };
-  const contributions = Array.from({ length: count }, (_, i) => ({
-    id: 120_000 - 17 * i,
-    share: (2 * (count - i)) / (count * (count + 1)),
-    weight: 1 / (i + 1),
-    visibility: 1,
-    position: [0.25 + 0.01 * i, 0, -0.1],
-    normal: [0, 1, 0],
-    radius: 0.062 / (i + 1),
-    ray_count: 4096 / (i + 1),
-    std_error: 0.0021 * (i + 1),
-    ...light,
+  const light = [[0.5, 0.4, 0.3], [0.125, 0.1, 0.05]];
+  const columns = [['id', 'Surfel'], ['share', 'Share', 'share'], ['ray_count', 'Rays', 'count'], ['radius', 'Radius', 'm'], ['std_error', 'Error'],
+    ['direct', 'Direct'], ['indirect', 'Indirect']];
+  const rows = Array.from({ length: count }, (_, i) => ({
+    values: [120_000 - 17 * i, (2 * (count - i)) / (count * (count + 1)), 4096 / (i + 1), 0.062 / (i + 1), 0.0021 * (i + 1), ...light],
+    disc: { position: [0.25 + 0.01 * i, 0, -0.1], normal: [0, 1, 0], radius: 0.062 / (i + 1) },
   }));
-  return { position: [0.25, 0, -0.125], normal: [0, 1, 0], coverage: 1.25, trust: 0.75, contributions, ...light };
+  return {
+    position: [0.25, 0, -0.125],
+    normal: [0, 1, 0],
+    headline: count === 1 ? '1 surfel lights this point.' : `${count} surfels light this point.`,
+    summary: [
+      { id: 'coverage', label: 'Coverage', value: 1.25 },
+      { id: 'trust', label: 'Trust', value: 0.75 },
+      { id: 'light', label: 'Irradiance / π', value: [0.625, 0.5, 0.35] },
+      { id: 'direct', label: 'Direct', value: light[0] },
+      { id: 'indirect', label: 'Indirect', value: light[1] },
+    ],
+    columns: columns.map(([id, label, unit]) => ({ id, label, ...(unit ? { unit } : {}) })),
+    rows,
+  };
 }
 
 export class FakeServer {

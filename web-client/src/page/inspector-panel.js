@@ -1,35 +1,36 @@
 /**
- * What lights a point of the image: the values of the cache there and the surfels that contribute. Shown while the
- * view's inspect mode is on.
+ * What lights a point of the image, as the server explains it: figures of the point and the rows behind them. Shown while
+ * the view's inspect mode is on.
  */
 
 import { h } from './dom.js';
 import { count, metres, percent, significant } from './format.js';
 
-const ROWS = /** @type {const} */ ({
-  position: ['Position', 'm'],
-  normal: ['Normal', ''],
-  coverage: ['Coverage', ''],
-  trust: ['Trust', ''],
-  light: ['Irradiance / π', ''],
-  direct: ['Direct', ''],
-  indirect: ['Indirect', ''],
-});
-
-const HINT = 'Click a point of the image to see which surfels light it.';
-const NOTHING = 'No surfels here: nothing was hit, or this session has not shown the surfel technique yet.';
+const HINT = 'Click a point of the image to see what lights it.';
+const NOTHING = 'Nothing to show here: nothing was hit, or the technique in use does not explain its light.';
 
 /** @typedef {import('../protocol/types.js').Inspection} Inspection */
-/** @typedef {import('../protocol/types.js').Vec3} Vec3 */
+/** @typedef {import('../protocol/types.js').FieldValue} FieldValue */
 
-/** @param {readonly number[]} values */
-const several = (values) => values.map((value) => significant(value, 3)).join('  ');
+/** @param {FieldValue} value */
+const figure = (value) => (Array.isArray(value) ? value.map((part) => significant(part, 3)).join('  ') : significant(value, 3));
+
+/**
+ * A value of a row, by the unit of its column.
+ * @param {FieldValue | undefined} value
+ * @param {string | undefined} unit
+ */
+function cell(value, unit) {
+  if (typeof value !== 'number') return value === undefined ? '' : figure(value);
+  if (unit === 'share') return percent(value);
+  if (unit === 'count') return count(value);
+  if (unit === 'm') return metres(value);
+  return Number.isInteger(value) ? String(value) : significant(value, 2);
+}
 
 export class InspectorPanel {
   /** @type {Inspection | undefined} */
   #inspection;
-  /** @type {Partial<Record<keyof typeof ROWS, HTMLElement>>} */
-  #values = {};
   /** Text of the status line while no request is open. */
   #status = HINT;
 
@@ -47,22 +48,17 @@ export class InspectorPanel {
     this.reveal = reveal;
     this.host = /** @type {HTMLElement} */ (section.querySelector('.inspector'));
     this.status = h('p', { className: 'empty', role: 'status' });
-    const figures = h('dl', { className: 'figures' });
-    for (const [key, [label, unit]] of Object.entries(ROWS)) {
-      const value = h('dd');
-      this.#values[/** @type {keyof typeof ROWS} */ (key)] = value;
-      figures.append(h('div', {}, h('dt', {}, label, unit ? h('span', { className: 'unit' }, unit) : undefined), value));
-    }
+    this.figures = h('dl', { className: 'figures' });
+    this.heads = h('tr');
     this.rows = h('tbody');
-    const heads = ['Surfel', 'Share', 'Rays', 'Radius', 'Error'].map((head) => h('th', { scope: 'col' }, head));
     this.table = h(
       'div',
-      { className: 'surfels', tabIndex: 0, role: 'region', 'aria-label': 'Surfels that light the point, the largest share first' },
-      h('table', {}, h('thead', {}, h('tr', {}, ...heads)), this.rows),
+      { className: 'contributions', tabIndex: 0, role: 'region', 'aria-label': 'What lights the point, the most important first' },
+      h('table', {}, h('thead', {}, this.heads), this.rows),
     );
     this.copy = h('button', { type: 'button', textContent: 'Copy JSON', onclick: () => void this.#copy() });
     const centre = h('button', { type: 'button', className: 'quiet', textContent: 'Centre of the image', onclick: () => view.inspect(0.5, 0.5) });
-    this.found = h('div', { className: 'found', hidden: true }, figures, this.table);
+    this.found = h('div', { className: 'found', hidden: true }, this.figures, this.table);
     this.host.append(this.status, this.found, h('div', { className: 'actions' }, centre, this.copy));
     // In the capture phase, before the sheet, which the same key closes.
     document.addEventListener('keydown', (event) => this.#escape(event), { capture: true });
@@ -86,7 +82,7 @@ export class InspectorPanel {
     this.found.hidden = !inspection;
     this.copy.disabled = !inspection;
     if (inspection) this.#fill(inspection);
-    this.#status = refusal ?? (inspection ? summary(inspection) : NOTHING);
+    this.#status = refusal ?? (inspection?.headline ?? NOTHING);
     this.#setStatus(this.#status);
     this.reveal();
     this.section.scrollIntoView({ block: 'nearest' });
@@ -102,35 +98,23 @@ export class InspectorPanel {
   }
 
   /** @param {Inspection} inspection */
-  #fill({ position, normal, coverage, trust, direct, indirect, contributions }) {
-    const light = direct.map((part, i) => part + /** @type {number} */ (indirect[i]));
-    const texts = {
-      position: several(position),
-      normal: several(normal),
-      coverage: significant(coverage, 3),
-      trust: significant(trust, 3),
-      light: several(light),
-      direct: several(direct),
-      indirect: several(indirect),
-    };
-    for (const [key, text] of Object.entries(texts)) {
-      const value = this.#values[/** @type {keyof typeof ROWS} */ (key)];
-      if (value) value.textContent = text;
-    }
-    this.table.hidden = contributions.length === 0;
-    this.table.scrollTop = 0;
-    this.rows.replaceChildren(
-      ...contributions.map((part) =>
-        h(
-          'tr',
-          {},
-          h('th', { scope: 'row' }, String(part.id)),
-          h('td', {}, percent(part.share)),
-          h('td', {}, count(part.ray_count)),
-          h('td', {}, metres(part.radius)),
-          h('td', {}, significant(part.std_error, 2)),
-        ),
+  #fill({ position, normal, summary, columns, rows }) {
+    const figures = [{ label: 'Position', unit: 'm', value: position }, { label: 'Normal', unit: '', value: normal }, ...summary];
+    this.figures.replaceChildren(
+      ...figures.map(({ label, unit, value }) =>
+        h('div', {}, h('dt', {}, label, unit ? h('span', { className: 'unit' }, unit) : undefined), h('dd', {}, figure(value))),
       ),
+    );
+    this.table.hidden = rows.length === 0;
+    this.table.scrollTop = 0;
+    // Vectors and colours are in the copied JSON; the table has room for numbers.
+    const shown = columns.flatMap(({ label, unit }, index) => (Array.isArray(rows[0]?.values[index]) ? [] : [{ label, unit, index }]));
+    this.heads.replaceChildren(...shown.map(({ label }) => h('th', { scope: 'col' }, label)));
+    this.rows.replaceChildren(
+      ...rows.map(({ values }) => {
+        const texts = shown.map(({ unit, index }) => cell(values[index], unit));
+        return h('tr', {}, ...texts.map((text, place) => (place === 0 ? h('th', { scope: 'row' }, text) : h('td', {}, text))));
+      }),
     );
   }
 
@@ -156,12 +140,6 @@ export class InspectorPanel {
   #setStatus(text) {
     if (this.status.textContent !== text) this.status.textContent = text;
   }
-}
-
-/** @param {Inspection} inspection */
-function summary({ contributions: { length } }) {
-  if (length === 0) return 'No surfel lights this point yet.';
-  return length === 1 ? '1 surfel lights this point.' : `${length} surfels light this point.`;
 }
 
 /**

@@ -36,7 +36,7 @@ export class ViewPanel {
       type: 'button',
       textContent: 'Inspect',
       'aria-pressed': 'false',
-      title: 'Click a point of the image to see which surfels light it',
+      title: 'Click a point of the image to see what lights it',
       onclick: () => {
         view.inspecting = !view.inspecting;
       },
@@ -57,7 +57,7 @@ export class ViewPanel {
       this.technique.element,
       this.summary,
       this.output.element,
-      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Surfels'), this.inspect),
+      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Point'), this.inspect),
       this.exposure.element,
       this.resolution.element,
       h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Viewpoints'), this.viewpoints),

@@ -47,88 +47,27 @@ export interface Caps {
   reduced_motion: boolean;
 }
 
-/** A control message with its optional request id, which the answer repeats. */
-export type ClientMessage = {
-  /** Request id chosen by the client. */
-  id?: number | null;
-} & (
-  /** The first message, due within [`crate::limits::Limits::hello_timeout_ms`]. */
-  | ({ t: 'hello' } & Hello)
-  /** New camera of a view. */
-  | ({ t: 'camera' } & CameraInput)
-  /** Edit of the session's lights. */
-  | ({ t: 'light' } & LightInput)
-  /** New settings of a view. */
-  | ({ t: 'view.set' } & ViewSet)
-  /** Acknowledges a frame and all before it. */
-  | ({ t: 'ack' } & Ack)
-  /** Requests a still of the present frame. */
-  | {
-    t: 'still';
-    /** View. */
-    view: number;
-  }
-  /** Which surface is at a point of the last acknowledged frame; answered by `picked`. */
-  | {
-    t: 'pick';
-    /** View. */
-    view: number;
-    /** Horizontal position, 0 (left) to 1. */
-    x: number;
-    /** Vertical position, 0 (top) to 1. */
-    y: number;
-  }
-  /** Which surfels light the surface at a point of the last acknowledged frame; answered by `inspected`. */
-  | {
-    t: 'inspect';
-    /** View. */
-    view: number;
-    /** Horizontal position, 0 (left) to 1. */
-    x: number;
-    /** Vertical position, 0 (top) to 1. */
-    y: number;
-  }
-  /** Application-level ping; answered by `pong` with the same `ts`. */
-  | {
-    t: 'ping';
-    /** Client's monotonic milliseconds. */
-    ts: number;
-  }
-  /** Answer to the server's `ping`. */
-  | {
-    t: 'pong';
-    /** The server's `ts`. */
-    ts: number;
-  }
-);
-
 /** Image codec; the number is the header's `codec` byte. */
 export type Codec = 'jpeg' | 'webp' | 'png';
 
-/** One surfel's part in a point's light. */
-export interface Contribution {
-  /** B of sky and emission found directly. */
-  direct: Vec3;
-  /** Surfel. */
-  id: number;
-  /** B of light that has bounced at least once. */
-  indirect: Vec3;
+/** What the values of a column mean. */
+export interface Column {
+  /** Machine-readable name. */
+  id: string;
+  /** Name for people. */
+  label: string;
+  /** Unit; empty without one. `share`: a number in [0, 1], to be shown as percent; `count`: a whole number. */
+  unit?: string;
+}
+
+/** A disc in the scene. */
+export interface Disc {
   /** World space. */
   normal: Vec3;
-  /** World space, metres. */
+  /** Centre, world space, metres. */
   position: Vec3;
   /** Metres. */
   radius: number;
-  /** Rays behind the values. */
-  ray_count: number;
-  /** Share of the point's value; all shares add up to one. */
-  share: number;
-  /** Standard error of the luminance of B. */
-  std_error: number;
-  /** Chance that the surfel sees the point, in [0, 1]. */
-  visibility: number;
-  /** Weight by distance and normal, before visibility and trust. */
-  weight: number;
 }
 
 /** Audited error of an image. */
@@ -138,6 +77,21 @@ export interface ErrorInfo {
   /** Its standard error. */
   std_error: number;
 }
+
+/** A figure by name. */
+export interface Field {
+  /** Machine-readable name. */
+  id: string;
+  /** Name for people. */
+  label: string;
+  /** Unit; empty without one. */
+  unit?: string;
+  /** The figure. */
+  value: FieldValue;
+}
+
+/** A number, or three of them: a colour or a vector. */
+export type FieldValue = number | number | Vec3;
 
 /** What a client states about itself. */
 export interface Hello {
@@ -151,22 +105,20 @@ export interface Hello {
   v: number[];
 }
 
-/** What the surfel cache knows of the surface under a point of the picture. */
+/** What a technique knows of the surface under a point of the image. */
 export interface Inspection {
-  /** Surfels that light the point, the largest share first; at most 64. */
-  contributions: Contribution[];
-  /** Sum of the surfels' weights by distance and normal. */
-  coverage: number;
-  /** B (irradiance over pi) of sky and emission found directly, linear Rec. 709. */
-  direct: Vec3;
-  /** B of light that has bounced at least once. */
-  indirect: Vec3;
+  /** What the rows' values mean. */
+  columns: Column[];
+  /** What was found, in one sentence. */
+  headline: string;
   /** World space, towards the viewer. */
   normal: Vec3;
   /** World space, metres. */
   position: Vec3;
-  /** Sum of weights that also count visibility and rays. */
-  trust: number;
+  /** What is behind the figures, the most important first. */
+  rows: Row[];
+  /** Figures of the point. */
+  summary: Field[];
 }
 
 /** A punctual light of the session. */
@@ -255,10 +207,14 @@ export type NoticeKind = 'draining' | 'device_lost' | 'restored' | 'quota';
 
 /** An output that a view can show instead of radiance. */
 export interface OutputInfo {
+  /** What its numbers mean, with their unit. */
+  help?: string;
   /** Id for `view.set`. */
   id: string;
   /** Name for people. */
   label: string;
+  /** Technique that alone has it; absent where all have. A view of another one shows radiance. */
+  technique?: string | null;
 }
 
 /** A pass that ran. */
@@ -284,82 +240,21 @@ export interface Pose {
   vfov_deg: number;
 }
 
-/** A control message from the server. */
-export type ServerMessage =
-  /** Answer to `hello`. */
-  | ({ t: 'welcome' } & Welcome)
-  /** The lights of the session, after `welcome` and after every edit by any member. */
-  | {
-    t: 'lights';
-    /** Factor on emissive surfaces. */
-    emissive_strength: number;
-    /** Factor on the environment. */
-    environment_strength: number;
-    /** Whether the scene has an environment. */
-    has_environment: boolean;
-    /** Punctual lights, the scene's own first. */
-    lights: Light[];
-    /** Scene revision that contains the change. */
-    scene_rev: number;
-  }
-  /** How a view is served, so that the user interface can say why the image is soft. At most twice a second. */
-  | ({ t: 'stats' } & Stats)
-  /** An event that the user should know of. */
-  | {
-    t: 'notice';
-    /** Text for people. */
-    detail: string;
-    /** What happened. */
-    kind: NoticeKind;
-  }
-  /** A request with an id was carried out. */
-  | {
-    t: 'ok';
-    /** The request's id. */
-    re: number;
-  }
-  /** Answer to `pick`. */
-  | {
-    t: 'picked';
-    /** Name of the object. */
-    object?: string | null;
-    /** World position of the surface; absent where the ray leaves the scene. */
-    position?: Vec3 | null;
-    /** The request's id. */
-    re?: number | null;
-  }
-  /** Answer to `inspect`. */
-  | {
-    t: 'inspected';
-    /** What lights the point; null where the ray leaves the scene or the session has no surfels. */
-    inspection: Inspection | null;
-    /** The request's id. */
-    re?: number | null;
-  }
-  /** A message was refused; the connection stays. */
-  | {
-    t: 'error';
-    /** Machine-readable code, the same registry as HTTP problems. */
-    code: string;
-    /** Text for people: the field, the limit, the remedy. */
-    detail: string;
-    /** The request's id, where it had one. */
-    re?: number | null;
-  }
-  /** Application-level ping. */
-  | {
-    t: 'ping';
-    /** Server's monotonic milliseconds. */
-    ts: number;
-  }
-  /** Answer to the client's `ping`. */
-  | {
-    t: 'pong';
-    /** Server's monotonic milliseconds. */
-    server_ms: number;
-    /** The client's `ts`. */
-    ts: number;
-  };
+/** Values of several settings under one name. */
+export interface PresetInfo {
+  /** Name in requests. */
+  id: string;
+  /** What it sets, by the ids of settings. */
+  values: Record<string, SettingValue>;
+}
+
+/** One contribution. */
+export interface Row {
+  /** Where it lies, to be drawn into the image. */
+  disc?: Disc | null;
+  /** One value a column. */
+  values: FieldValue[];
+}
 
 /** The session a connection joined. */
 export interface SessionInfo {
@@ -376,6 +271,34 @@ export interface SessionInfo {
   /** Triangles in the scene. */
   triangle_count: number;
 }
+
+/** A setting of a technique. */
+export interface SettingInfo {
+  /** Value where none is given: that for which the id of the technique stands. */
+  default: SettingValue;
+  /** What a larger value or each choice buys, and what it costs. */
+  help: string;
+  /** Name in requests. */
+  id: string;
+  /** Whether a number has to be whole. */
+  is_integer?: boolean;
+  /** What it takes. */
+  kind: SettingKind;
+  /** Name for people. */
+  label: string;
+  /** Names that a choice takes. */
+  names?: string[];
+  /** Smallest and largest value of a number. */
+  range?: [number, number] | null;
+  /** Unit of a number; empty without one. */
+  unit?: string;
+}
+
+/** What a setting takes. */
+export type SettingKind = 'number' | 'switch' | 'choice';
+
+/** Value of a setting. */
+export type SettingValue = boolean | number | string;
 
 /** A pass that did not run. */
 export interface SkippedInfo {
@@ -420,6 +343,10 @@ export interface TechniqueInfo {
   id: string;
   /** Name for people. */
   label: string;
+  /** Named values of the settings. */
+  presets?: PresetInfo[];
+  /** Its settings, which a render request sets. */
+  settings?: SettingInfo[];
   /** One sentence of description. */
   summary: string;
 }
@@ -487,3 +414,137 @@ export interface Welcome {
   /** Warnings of the scene's import. */
   warnings: string[];
 }
+
+/** A control message from the server. */
+export type ServerMessage = (
+  /** Answer to `hello`. */
+  | ({ t: 'welcome' } & Welcome)
+  /** The lights of the session, after `welcome` and after every edit by any member. */
+  | {
+    t: 'lights';
+    /** Factor on emissive surfaces. */
+    emissive_strength: number;
+    /** Factor on the environment. */
+    environment_strength: number;
+    /** Whether the scene has an environment. */
+    has_environment: boolean;
+    /** Punctual lights, the scene's own first. */
+    lights: Light[];
+    /** Scene revision that contains the change. */
+    scene_rev: number;
+  }
+  /** How a view is served, so that the user interface can say why the image is soft. At most twice a second. */
+  | ({ t: 'stats' } & Stats)
+  /** An event that the user should know of. */
+  | {
+    t: 'notice';
+    /** Text for people. */
+    detail: string;
+    /** What happened. */
+    kind: NoticeKind;
+  }
+  /** A request with an id was carried out. */
+  | {
+    t: 'ok';
+    /** The request's id. */
+    re: number;
+  }
+  /** Answer to `pick`. */
+  | {
+    t: 'picked';
+    /** Name of the object. */
+    object?: string | null;
+    /** World position of the surface; absent where the ray leaves the scene. */
+    position?: Vec3 | null;
+    /** The request's id. */
+    re?: number | null;
+  }
+  /** Answer to `inspect`. */
+  | {
+    t: 'inspected';
+    /** What lights the point; null where the ray leaves the scene or no technique of the session knows of it. */
+    inspection: Inspection | null;
+    /** The request's id. */
+    re?: number | null;
+  }
+  /** A message was refused; the connection stays. */
+  | {
+    t: 'error';
+    /** Machine-readable code, the same registry as HTTP problems. */
+    code: string;
+    /** Text for people: the field, the limit, the remedy. */
+    detail: string;
+    /** The request's id, where it had one. */
+    re?: number | null;
+  }
+  /** Application-level ping. */
+  | {
+    t: 'ping';
+    /** Server's monotonic milliseconds. */
+    ts: number;
+  }
+  /** Answer to the client's `ping`. */
+  | {
+    t: 'pong';
+    /** Server's monotonic milliseconds. */
+    server_ms: number;
+    /** The client's `ts`. */
+    ts: number;
+  }
+);
+
+/** A control message with its optional request id, which the answer repeats. */
+export type ClientMessage = {
+  /** Request id chosen by the client. */
+  id?: number | null;
+} & (
+  /** The first message, due within [`crate::limits::Limits::hello_timeout_ms`]. */
+  | ({ t: 'hello' } & Hello)
+  /** New camera of a view. */
+  | ({ t: 'camera' } & CameraInput)
+  /** Edit of the session's lights. */
+  | ({ t: 'light' } & LightInput)
+  /** New settings of a view. */
+  | ({ t: 'view.set' } & ViewSet)
+  /** Acknowledges a frame and all before it. */
+  | ({ t: 'ack' } & Ack)
+  /** Requests a still of the present frame. */
+  | {
+    t: 'still';
+    /** View. */
+    view: number;
+  }
+  /** Which surface is at a point of the last acknowledged frame; answered by `picked`. */
+  | {
+    t: 'pick';
+    /** View. */
+    view: number;
+    /** Horizontal position, 0 (left) to 1. */
+    x: number;
+    /** Vertical position, 0 (top) to 1. */
+    y: number;
+  }
+  /** What lights the surface at a point of the last acknowledged frame, as a technique explains it; answered by
+   * `inspected`. */
+  | {
+    t: 'inspect';
+    /** View. */
+    view: number;
+    /** Horizontal position, 0 (left) to 1. */
+    x: number;
+    /** Vertical position, 0 (top) to 1. */
+    y: number;
+  }
+  /** Application-level ping; answered by `pong` with the same `ts`. */
+  | {
+    t: 'ping';
+    /** Client's monotonic milliseconds. */
+    ts: number;
+  }
+  /** Answer to the server's `ping`. */
+  | {
+    t: 'pong';
+    /** The server's `ts`. */
+    ts: number;
+  }
+);

@@ -1,5 +1,5 @@
 /**
- * Inspection of the renderer: while the mode is on, a click requests which surfels light the surface under it. One
+ * Inspection of the renderer: while the mode is on, a click requests what lights the surface under it. One
  * request at a time; of the points clicked meanwhile the newest is requested next.
  */
 

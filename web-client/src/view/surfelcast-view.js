@@ -2,7 +2,7 @@
  * `<surfelcast-view src="/v1/sessions/ID/stream">`: one view of a session. Works alone on any page.
  *
  * Attributes: `src` (stream path or address), `max-spp` (stop refining at this many samples per pixel),
- * `resolution` (factor on the image size, 0.1 to 1), `inspecting` (a click requests which surfels light a point).
+ * `resolution` (factor on the image size, 0.1 to 1), `inspecting` (a click requests what lights a point).
  * Events, all with `detail`: `welcome`, `lights`, `stats`, `notice`, `refused` (messages of the server, unchanged),
  * `state` (connection), `frame` (header of the frame just shown), `pose` ({ pose, resting }), `inspecting` ({ on,
  * waiting }), `inspected` (an `Answer`).
@@ -200,7 +200,7 @@ export class SurfelcastView extends HTMLElement {
   }
 
   /**
-   * Requests which surfels light a point, while `inspecting`; `inspected` follows.
+   * Requests what lights a point, while `inspecting`; `inspected` follows.
    * @param {number} x 0 (left) to 1
    * @param {number} y 0 (top) to 1
    */

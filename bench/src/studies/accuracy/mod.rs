@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use surfelcast::Failure;
 use surfelcast::args::technique_ids;
 use surfelcast_measure::{Measurement, Point, Reference, Renderer};
+use surfelcast_techniques::registry::{TECHNIQUES, catalogue};
 
 use crate::report::{Measured, Origin, OutputArgs, Page, Table, input};
 use crate::studies::references;
@@ -23,7 +24,7 @@ pub(crate) struct AccuracyArgs {
     #[arg(long, value_name = "NAME-PART")]
     only: Option<String>,
     /// Technique.
-    #[arg(long, value_name = "ID", default_value = "path", value_parser = technique_ids())]
+    #[arg(long, value_name = "ID", default_value = "path", value_parser = technique_ids(&catalogue(TECHNIQUES)))]
     technique: String,
     #[command(flatten)]
     output: OutputArgs,

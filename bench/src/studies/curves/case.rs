@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use surfelcast::Failure;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::{Image, Mode, Rectangle, Reference};
+use surfelcast_render_api::Settings;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_stream::encode_exr;
-use surfelcast_techniques::{SessionState, SurfelSettings};
+use surfelcast_techniques::SessionState;
 
 use crate::report::{input, write_file};
 use crate::stage::Stage;
@@ -257,7 +258,7 @@ impl Case {
             if !file.is_file() {
                 let mut shot = stage.shot(
                     TRUTH_TECHNIQUE,
-                    SurfelSettings::default(),
+                    &Settings::default(),
                     self.camera,
                     TRUTH_SEED + number,
                     &SessionState::default(),

@@ -38,9 +38,9 @@ pub(super) fn measure(
     key: Key,
     origin: Origin,
 ) -> Result<Curve, Failure> {
-    let settings = key.variant.surfel_settings()?;
+    let settings = key.variant.resolve()?;
     let technique = &key.variant.technique;
-    stage.shot(technique, settings, case.camera, 0, &SessionState::default())?.render(1, f64::INFINITY)?;
+    stage.shot(technique, &settings, case.camera, 0, &SessionState::default())?.render(1, f64::INFINITY)?;
 
     let mut budgets: Vec<u32> = (0..32).map(|power| 1 << power).take_while(|&budget| budget <= key.samples).collect();
     let mut limit_secs = key.time_limit_ms as f64 * 1e-3;
@@ -51,10 +51,10 @@ pub(super) fn measure(
         let session = SessionState::default();
         if key.variant.start == Start::Warm {
             let aside = camera_aside(&case.scene, &case.camera);
-            let mut before = stage.shot(technique, settings, aside, seed + WARM_SEED, &session)?;
+            let mut before = stage.shot(technique, &settings, aside, seed + WARM_SEED, &session)?;
             before.render(WARM_FRAMES, f64::INFINITY)?;
         }
-        let mut shot = stage.shot(technique, settings, case.camera, seed, &session)?;
+        let mut shot = stage.shot(technique, &settings, case.camera, seed, &session)?;
         let mut observations = Vec::new();
         for &budget in &budgets {
             // The first budget is observed in any case.

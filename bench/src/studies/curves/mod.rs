@@ -25,7 +25,7 @@ use clap::Args;
 use surfelcast::Failure;
 use surfelcast::args::{MAX_SIDE, Materials, parse_secs, parse_size, preset_names, technique_ids};
 use surfelcast_measure::{Reference, shared_folder};
-use surfelcast_techniques::registry;
+use surfelcast_techniques::registry::{self, TECHNIQUES, catalogue};
 
 use crate::report::{Origin, OutputArgs, Page, input, progress_bar};
 use case::{Case, Requested};
@@ -78,16 +78,16 @@ pub(crate) struct CurvesArgs {
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
     truth_spp: u32,
     /// Technique; may be given several times. All by default.
-    #[arg(long = "technique", value_name = "ID", value_parser = technique_ids())]
+    #[arg(long = "technique", value_name = "ID", value_parser = technique_ids(&catalogue(TECHNIQUES)))]
     techniques: Vec<String>,
-    /// Reconstruction of the surfel cache; may be given several times. All by default.
+    /// Reconstruction; may be given several times. All by default.
     #[arg(long = "reconstruction", value_name = "NAME")]
     reconstructions: Vec<String>,
-    /// Preset of the surfel cache; may be given several times.
-    #[arg(long = "preset", value_name = "NAME", value_parser = preset_names())]
+    /// Preset; may be given several times.
+    #[arg(long = "preset", value_name = "NAME", value_parser = preset_names(&catalogue(TECHNIQUES)))]
     presets: Vec<String>,
-    /// Setting of the surfel cache with one or more values, such as radius=2,3,6; may be given several times.
-    #[arg(long = "surfel", value_name = "NAME=VALUE[,VALUE...]")]
+    /// Setting with one or more values, such as radius=2,3,6; may be given several times.
+    #[arg(long = "set", alias = "surfel", value_name = "NAME=VALUE[,VALUE...]")]
     settings: Vec<String>,
     /// What the cache holds at first; may be given several times.
     #[arg(long = "start", value_enum, value_name = "STATE")]

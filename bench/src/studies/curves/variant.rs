@@ -3,11 +3,13 @@
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use surfelcast::Failure;
-use surfelcast_techniques::registry::TECHNIQUES;
-use surfelcast_techniques::{Reconstruction, SurfelSettings, TechniqueEntry};
+use surfelcast_render_api::{SettingKind, Settings, TechniqueDescription};
+use surfelcast_techniques::registry::{TECHNIQUES, catalogue};
 
 /// Preset that is used where none is named.
 pub(crate) const DEFAULT_PRESET: &str = "balanced";
+/// Reconstruction of that preset.
+const DEFAULT_RECONSTRUCTION: &str = "poisson";
 
 /// What the surfel cache holds when the clock starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
@@ -55,28 +57,27 @@ impl VariantLists {
     /// The same with the default reconstruction alone, unless others were requested: for questions about something
     /// else.
     pub(crate) fn with_one_reconstruction(&self) -> Self {
-        let default = SurfelSettings::default().reconstruction.name();
-        Self { reconstructions: or_default(&self.reconstructions, &[default]), ..self.clone() }
+        Self { reconstructions: or_default(&self.reconstructions, &[DEFAULT_RECONSTRUCTION]), ..self.clone() }
     }
 
     /// Every combination that makes sense, in the order of the lists.
     pub(crate) fn all(&self) -> Result<Vec<Variant>, Failure> {
-        let is_requested = |entry: &&TechniqueEntry| {
-            self.techniques.is_empty() || self.techniques.iter().any(|technique| technique == entry.id)
-        };
-        let reconstructions = or_default(&self.reconstructions, &Reconstruction::names());
+        let is_requested = |id: &&str| self.techniques.is_empty() || self.techniques.iter().any(|named| named == id);
+        let catalogue = catalogue(TECHNIQUES);
         let presets = or_default(&self.presets, &[DEFAULT_PRESET]);
         let starts = if self.starts.is_empty() { vec![Start::Empty] } else { self.starts.clone() };
         let mut variants = vec![];
-        for entry in TECHNIQUES.iter().filter(is_requested) {
+        for id in catalogue.technique_ids().map(|(id, ..)| id).filter(is_requested) {
             let mut made = vec![Variant {
-                technique: entry.id.to_owned(),
+                technique: id.to_owned(),
                 reconstruction: None,
                 preset: None,
                 settings: Vec::new(),
                 start: Start::Empty,
             }];
-            if entry.uses_surfels {
+            let reconstructions = catalogue.choose(id).map_or(&[][..], |chosen| reconstructions_of(chosen.technique));
+            if !reconstructions.is_empty() {
+                let reconstructions = or_default(&self.reconstructions, reconstructions);
                 made = each(&made, &reconstructions, |of, name| of.reconstruction = Some(name.clone()));
                 made = each(&made, &presets, |of, name| of.preset = Some(name.clone()));
                 made = each(&made, &setting_combinations(&self.settings)?, |of, settings| {
@@ -85,11 +86,19 @@ impl VariantLists {
                 made = each(&made, &starts, |of, start| of.start = *start);
             }
             for variant in &made {
-                variant.surfel_settings()?;
+                variant.resolve()?;
             }
             variants.extend(made);
         }
         Ok(variants)
+    }
+}
+
+/// The reconstructions that a technique has a choice of.
+fn reconstructions_of(technique: &TechniqueDescription) -> &'static [&'static str] {
+    match technique.setting("reconstruction").map(|setting| setting.kind) {
+        Some(SettingKind::Choice { names, .. }) => names,
+        _ => &[],
     }
 }
 
@@ -112,7 +121,7 @@ fn setting_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
     for list in lists {
         let (name, values) = list
             .split_once('=')
-            .ok_or_else(|| Failure::input(format!("--surfel {list}: expected NAME=VALUE[,VALUE...]")))?;
+            .ok_or_else(|| Failure::input(format!("--set {list}: expected NAME=VALUE[,VALUE...]")))?;
         combinations = combinations
             .iter()
             .flat_map(|settings| {
@@ -124,19 +133,28 @@ fn setting_combinations(lists: &[String]) -> Result<Vec<Vec<String>>, Failure> {
 }
 
 impl Variant {
-    /// Settings of the surfel cache. Fails on an unknown name or value.
-    pub(crate) fn surfel_settings(&self) -> Result<SurfelSettings, Failure> {
-        let preset = self.preset.as_deref().unwrap_or(DEFAULT_PRESET);
-        let mut settings = SurfelSettings::by_name(preset)
-            .ok_or_else(|| Failure::input(format!("--preset {preset}: there is no such preset")))?;
+    /// Every setting of the technique. Fails on an unknown name or value.
+    pub(crate) fn resolve(&self) -> Result<Settings, Failure> {
+        let catalogue = catalogue(TECHNIQUES);
+        let chosen = catalogue
+            .choose(&self.technique)
+            .ok_or_else(|| Failure::input(format!("--technique {}: there is no such technique", self.technique)))?;
+        let technique = chosen.technique;
+        let mut settings = chosen.settings;
+        if !technique.presets.is_empty() {
+            let preset = self.preset.as_deref().unwrap_or(DEFAULT_PRESET);
+            let of_preset = technique.preset(preset);
+            let of_preset =
+                of_preset.map_err(|fault| Failure::input(format!("--preset {preset}: {}", fault.reason)))?;
+            settings = settings.with(&of_preset);
+        }
         if let Some(name) = &self.reconstruction {
-            settings.reconstruction = Reconstruction::by_name(name).ok_or_else(|| {
-                let known = Reconstruction::names().join(", ");
-                Failure::input(format!("--reconstruction {name}: must be one of {known}"))
-            })?;
+            let set = settings.set_text(technique.settings, &format!("reconstruction={name}"));
+            set.map_err(|fault| Failure::input(format!("--reconstruction {name}: {}", fault.reason)))?;
         }
         for setting in &self.settings {
-            settings.turn(setting).map_err(|reason| Failure::input(format!("--surfel {setting}: {reason}")))?;
+            let set = settings.set_text(technique.settings, setting);
+            set.map_err(|fault| Failure::input(format!("--set {setting}: {}", fault.reason)))?;
         }
         Ok(settings)
     }
@@ -168,7 +186,7 @@ mod tests {
             ..VariantLists::default()
         };
         let labels: Vec<_> = lists.all().unwrap().iter().map(Variant::label).collect();
-        let surfels = 2 * 2 * 2 * Reconstruction::ALL.len();
+        let surfels = 2 * 2 * 2 * 4;
         assert_eq!(labels.len(), surfels + 1, "{labels:?}");
         assert!(labels.contains(&"path".to_owned()), "{labels:?}");
         assert!(labels.iter().any(|label| label.ends_with("high radius=3 capacity=65536 (warm)")), "{labels:?}");

@@ -6,13 +6,12 @@ use indicatif::ProgressBar;
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::poisson::{PoissonSettings, Preconditioner, Solver, Start};
+use surfelcast_render_api::Settings;
 use surfelcast_renderer::Throughput;
 use surfelcast_renderer::progressive::{MAX_JOB_BATCH, Progressive, SceneOnDevice, Until};
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
-use surfelcast_techniques::{
-    FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
-};
+use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
 
 use crate::stage::read_pixels;
 use crate::studies::poisson::problem::{OnDevice, Pixels, blurred, differences, logo, rmse};
@@ -198,11 +197,11 @@ fn trace_paths(gpu: &Gpu, key: &Key) -> Result<Vec<Observed>, Failure> {
         is_split: false,
         seed,
         waits_for_kernels: true,
-        surfel: SurfelSettings::default(),
+        settings: Settings::default(),
     };
     let on = SceneOnDevice { gpu, scene: &buffers, lights: &lights };
     let path = registry::by_id("path").ok_or_else(|| Failure::runtime("path tracing is missing"))?;
-    let truth = (path.create)(gpu, &buffers, &lights, &SessionState::default(), options(99))?;
+    let truth = path.start(gpu, &buffers, &lights, &SessionState::default(), options(99))?;
     let mut truth = Progressive::new(truth, Throughput::default());
     render(&mut truth, on, &frame, key.truth_samples)?;
     let truth = tone_mapped(&read_pixels(gpu, truth.technique().picture())?);

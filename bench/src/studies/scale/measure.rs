@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use surfelcast::Failure;
 use surfelcast_gpu::Gpu;
 use surfelcast_measure::Mode;
+use surfelcast_render_api::Settings;
 use surfelcast_renderer::progressive::Cost;
 use surfelcast_scene::Scene;
-use surfelcast_techniques::{SessionState, SurfelSettings};
+use surfelcast_techniques::SessionState;
+use surfelcast_techniques::surfel::SurfelSettings;
 
 use crate::stage::{Shot, Stage};
 use crate::studies::scale::scene::camera;
@@ -60,7 +62,7 @@ impl Point {
             Self::SecondCamera => second_camera::measure(stage, frames),
             Self::Triangles(_) => {
                 let mut values = measure_surfels(stage, settings, 0, frames)?;
-                let mut shot = stage.shot(PATH, settings, camera(0), SEED, &SessionState::default())?;
+                let mut shot = stage.shot(PATH, &Settings::default(), camera(0), SEED, &SessionState::default())?;
                 values.insert("path_ms".to_owned(), median_frame(&mut shot, 1, frames)?.secs * 1e3);
                 values.insert("triangles".to_owned(), f64::from(stage.scene.summary.triangle_count));
                 values.insert("build_secs".to_owned(), stage.scene.build_secs);
@@ -87,9 +89,7 @@ pub(super) fn measure(
 ) -> Result<BTreeMap<String, f64>, Failure> {
     let stage = Stage::new(gpu, scene, Mode::Lambert, size, 1.0)?;
     // Compiles the kernels.
-    stage
-        .shot(SURFEL, SurfelSettings::default(), camera(0), SEED, &SessionState::default())?
-        .render(1, f64::INFINITY)?;
+    stage.shot(SURFEL, &Settings::default(), camera(0), SEED, &SessionState::default())?.render(1, f64::INFINITY)?;
     point.measure(&stage, frames)
 }
 
@@ -154,10 +154,10 @@ fn measure_surfels(
 ) -> Result<BTreeMap<String, f64>, Failure> {
     let session = SessionState::default();
     for other in 1..=others {
-        let mut shot = stage.shot(SURFEL, settings, camera(other), SEED, &session)?;
+        let mut shot = stage.shot(SURFEL, &settings.into(), camera(other), SEED, &session)?;
         shot.render(FRAMES_OF_OTHERS, f64::INFINITY)?;
     }
-    let mut shot = stage.shot(SURFEL, settings, camera(0), SEED, &session)?;
+    let mut shot = stage.shot(SURFEL, &settings.into(), camera(0), SEED, &session)?;
     let cost = median_frame(&mut shot, FRAMES_BEFORE, frames)?;
     let lookup_ms = cost.passes.iter().find(|pass| pass.name == LOOKUP_PASS).map_or(0.0, |pass| pass.gpu_ms);
     let pixels = f64::from(stage.size[0]) * f64::from(stage.size[1]);

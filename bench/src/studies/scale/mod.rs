@@ -15,8 +15,9 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use surfelcast::Failure;
 use surfelcast::args::parse_size;
+use surfelcast_render_api::Settings;
 use surfelcast_scene::Scene;
-use surfelcast_techniques::SurfelSettings;
+use surfelcast_techniques::surfel::{ENTRY, SurfelSettings};
 
 use crate::report::{Measured, Origin, OutputArgs, Page, Table, progress_bar};
 use measure::Point;
@@ -58,8 +59,9 @@ pub(crate) struct ScaleArgs {
 }
 
 fn parse_radius(text: &str) -> Result<f32, String> {
-    let mut settings = SurfelSettings::BALANCED;
-    settings.turn(&format!("radius={text}")).map(|()| settings.radius_pixels)
+    let mut settings = Settings::default();
+    let set = settings.set_text(ENTRY.description.settings, &format!("radius={text}"));
+    set.map(|()| SurfelSettings::from(&settings).radius_pixels).map_err(|fault| fault.to_string())
 }
 
 /// One measurement: under which conditions, and the results by name.

@@ -11,9 +11,11 @@ use std::time::Duration;
 
 use surfelcast::Failure;
 use surfelcast::device::wait_until_ready;
+use surfelcast_render_api::Settings;
 use surfelcast_renderer::{FrameKind, FrameSlot, RendererConfig, RendererHandle, SessionKey, ViewState};
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::{SessionState, SurfelSettings};
+use surfelcast_techniques::SessionState;
+use surfelcast_techniques::surfel::SurfelSettings;
 
 use crate::report::Table;
 use crate::stage::{Shot, Stage};
@@ -56,16 +58,16 @@ fn converge(shot: &mut Shot<'_>, frames: u32, rays_at_first: f64) -> Result<u32,
 }
 
 pub(super) fn measure(stage: &Stage<'_>, frames: u32) -> Result<BTreeMap<String, f64>, Failure> {
-    let settings = SurfelSettings { target_error: TARGET, ..SurfelSettings::default() };
+    let settings = Settings::from(SurfelSettings { target_error: TARGET, ..SurfelSettings::default() });
     let session = SessionState::default();
-    let mut first = stage.shot(SURFEL, settings, camera_at(FIRST), SEED, &session)?;
+    let mut first = stage.shot(SURFEL, &settings, camera_at(FIRST), SEED, &session)?;
     let [first_ms, first_rays] = first_frames(&mut first, frames)?;
     let frames_to_converge = converge(&mut first, frames, first_rays)?;
-    let mut last = stage.shot(SURFEL, settings, camera_at(LAST), SEED, &session)?;
+    let mut last = stage.shot(SURFEL, &settings, camera_at(LAST), SEED, &session)?;
     first_frames(&mut last, frames)?;
     converge(&mut last, frames, first_rays)?;
     drop(last);
-    let mut second = stage.shot(SURFEL, settings, camera_at(BETWEEN), SEED, &session)?;
+    let mut second = stage.shot(SURFEL, &settings, camera_at(BETWEEN), SEED, &session)?;
     let [second_ms, second_rays] = first_frames(&mut second, frames)?;
     let values = [
         ("first_gpu_ms", first_ms),
@@ -155,6 +157,7 @@ async fn converged_view(
         size,
         exposure: 1.0,
         technique: SURFEL.to_owned(),
+        settings: Settings::default(),
         aov: None,
         is_moving: false,
         is_paused: false,

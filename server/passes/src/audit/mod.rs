@@ -16,6 +16,7 @@ mod estimate;
 mod pixels;
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, Kernel, MemoryKind, PassTime};
+use surfelcast_render_api::ErrorEstimate;
 use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::AuditUniforms;
@@ -80,6 +81,20 @@ pub struct AuditResult {
     pub non_finite: u64,
     /// Passes with their times.
     pub passes: Vec<PassTime>,
+}
+
+impl From<&AuditResult> for ErrorEstimate {
+    fn from(audit: &AuditResult) -> Self {
+        let [low, high] = audit.rmse_interval;
+        Self {
+            rmse_tonemapped: audit.rmse_tonemapped as f32,
+            rel_mse: audit.rel_mse as f32,
+            std_error: audit.std_error as f32,
+            rmse_low: low as f32,
+            rmse_high: high as f32,
+            mse_tonemapped: audit.mse as f32,
+        }
+    }
 }
 
 impl Audit {

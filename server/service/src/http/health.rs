@@ -75,7 +75,7 @@ pub(crate) async fn version(State(state): State<ServiceState>) -> Json<VersionIn
     Json(VersionInfo {
         server: state.config().server.clone(),
         protocol: [surfelcast_protocol::VERSION],
-        techniques: status.techniques.iter().map(|technique| technique.id).collect(),
+        techniques: status.catalogue.technique_ids().map(|(id, ..)| id).collect(),
         device: status.device,
     })
 }

@@ -17,4 +17,4 @@ pub(crate) mod render_request;
 pub(crate) mod renders;
 pub(crate) mod router;
 pub(crate) mod scenes;
-mod surfel_request;
+mod schema;

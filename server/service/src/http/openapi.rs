@@ -1,7 +1,11 @@
 //! The API description, OpenAPI 3.1.
 
 use axum::Json;
+use axum::extract::State;
 use utoipa::OpenApi;
+
+use crate::http::schema::describe_catalogue;
+use crate::state::ServiceState;
 
 #[derive(OpenApi)]
 #[openapi(
@@ -34,6 +38,8 @@ pub(crate) struct ApiDoc;
 
 /// This document.
 #[utoipa::path(get, path = "/v1/openapi.json", tag = "operation", responses((status = 200, description = "OpenAPI 3.1")))]
-pub(crate) async fn document() -> Json<utoipa::openapi::OpenApi> {
-    Json(ApiDoc::openapi())
+pub(crate) async fn document(State(state): State<ServiceState>) -> Json<utoipa::openapi::OpenApi> {
+    let mut api = ApiDoc::openapi();
+    describe_catalogue(&mut api, &state.renderer_status().catalogue);
+    Json(api)
 }

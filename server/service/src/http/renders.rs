@@ -10,16 +10,15 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use surfelcast_renderer::{Aov, DeviceState, ErrorEstimate, RenderOutput};
+use surfelcast_render_api::RenderRequest;
+use surfelcast_renderer::{DeviceState, ErrorEstimate, RenderOutput};
 use utoipa::ToSchema;
-use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
 use crate::http::body::{BodyReader, media_type};
 use crate::http::idempotency::Begin;
 use crate::http::negotiate::{Representation, choose, is_none_match_hit, prefer_wait};
 use crate::http::problem::ApiError;
-use crate::http::render_request::RenderSpec;
-use crate::http::surfel_request::{SurfelKnobs, preset_schema, reconstruction_schema};
+use crate::http::render_request::{limits, resolve};
 use crate::image_format::ImageFormat;
 use crate::jobs::{Job, JobState};
 use crate::state::ServiceState;
@@ -61,57 +60,6 @@ pub(crate) struct RenderInfo {
     problem: Option<surfelcast_protocol::problem::Problem>,
 }
 
-/// Body of `POST /v1/renders`, for the API description; see `render_request` for how it is read.
-#[derive(Debug, ToSchema)]
-#[allow(dead_code, reason = "describes the body that render_request reads field by field")]
-pub(crate) struct RenderBody {
-    /// Scene id.
-    scene: String,
-    /// `{"position":[x,y,z],"target":[x,y,z],"up":[x,y,z],"vfov_deg":n}`; metres, degrees.
-    #[schema(value_type = Option<Object>)]
-    camera: Option<serde_json::Value>,
-    /// A camera of the scene, instead of `camera`.
-    camera_name: Option<String>,
-    /// Width, pixels.
-    width: Option<u32>,
-    /// Height, pixels.
-    height: Option<u32>,
-    /// Technique id.
-    technique: Option<String>,
-    #[schema(schema_with = preset_schema, required = false)]
-    preset: Option<String>,
-    #[schema(schema_with = reconstruction_schema, required = false)]
-    reconstruction: Option<String>,
-    /// Knobs of the surfel cache, over the preset.
-    #[schema(value_type = Option<SurfelKnobs>)]
-    surfel: Option<serde_json::Value>,
-    /// Stop at so many samples a pixel.
-    samples_per_pixel: Option<u32>,
-    /// Stop after so many frames.
-    frames: Option<u32>,
-    /// Stop at this tone-mapped RMSE by the error audit.
-    max_error: Option<f64>,
-    /// Stop after this time.
-    time_limit_secs: Option<f64>,
-    /// Same seed, same picture.
-    seed: Option<u64>,
-    /// `pbr` or `lambert`.
-    materials: Option<String>,
-    /// Linear factor.
-    exposure: Option<f32>,
-    #[schema(schema_with = aov_schema, required = false)]
-    aov: Option<String>,
-}
-
-/// Extra outputs by name.
-fn aov_schema() -> Object {
-    ObjectBuilder::new()
-        .schema_type(Type::String)
-        .enum_values(Some(Aov::ALL.map(|(name, _)| name)))
-        .description(Some("Extra output instead of radiance; EXR only."))
-        .build()
-}
-
 impl RenderInfo {
     fn of(job: &Job) -> Self {
         let progress = job.progress();
@@ -127,7 +75,7 @@ impl RenderInfo {
         Self {
             id: job.id.clone(),
             status,
-            scene: job.spec.scene.key().to_string(),
+            scene: job.spec.scene.clone(),
             width: job.spec.size[0],
             height: job.spec.size[1],
             technique: job.spec.technique.clone(),
@@ -157,7 +105,7 @@ fn measurements(output: &RenderOutput) -> serde_json::Value {
 }
 
 /// Renders an image: at once with `Prefer: wait=N` and an image type in `Accept`, else as a job.
-#[utoipa::path(post, path = "/v1/renders", tag = "renders", request_body = RenderBody,
+#[utoipa::path(post, path = "/v1/renders", tag = "renders", request_body = RenderRequest,
     params(
         ("Prefer" = Option<String>, Header, description = "wait=N answers with the image if it is finished within N seconds"),
         ("Idempotency-Key" = Option<String>, Header, description = "A request sent twice does its work once")),
@@ -233,18 +181,19 @@ async fn submit(
         return Err(ApiError::draining());
     }
     let config = state.config();
-    let spec = RenderSpec::parse(body, &config.bounds)?;
-    let entry = state.scenes().get(&spec.scene)?;
+    let request = RenderRequest::parse(body)?;
     let status = state.renderer_status();
+    request.check(&status.catalogue, &limits(&config.bounds))?;
+    let entry = state.scenes().get(request.scene.as_deref().unwrap_or_default())?;
     if status.state != DeviceState::Ready {
         let detail = "the render device is not ready; try again later";
         return Err(ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "no_device", detail).retry_after(5));
     }
     let scene = state.scenes().load(&entry).await?;
-    let render = spec.resolve(scene, &status, &config.bounds, &config.server)?;
+    let render = resolve(&request, scene, &status, &config.bounds, &config.server)?;
     // If no acceptable answer exists, the request is refused before the work, not after it.
     if wait.is_some() {
-        choose(headers, &acceptable(render.job.aov.is_some()))?;
+        choose(headers, &acceptable(render.job.spec.aov.is_some()))?;
     }
     let (job, is_new) = state.jobs().submit(render.job, render.key)?;
     tracing::info!(job = %job.id, is_new, "render requested");
@@ -253,8 +202,7 @@ async fn submit(
 }
 
 fn acceptable(is_data: bool) -> Vec<Representation> {
-    let images: &[ImageFormat] = if is_data { &[ImageFormat::Exr] } else { &ImageFormat::ALL };
-    images.iter().copied().map(Representation::Image).chain([Representation::Json]).collect()
+    ImageFormat::of_output(is_data).iter().copied().map(Representation::Image).chain([Representation::Json]).collect()
 }
 
 fn answer_format(headers: &HeaderMap, job: &Job, wait: Option<Duration>) -> Result<Representation, ApiError> {

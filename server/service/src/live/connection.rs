@@ -95,7 +95,7 @@ impl<'a> Connection<'a> {
         };
         state.resume().insert(token.clone(), entry);
         let mut inbound = Inbound::new(limits, settings, hello.caps.codecs);
-        inbound.set_techniques(technique_ids(&status));
+        inbound.set_catalogue(Arc::clone(&status.catalogue));
         Ok(Self {
             began: Instant::now(),
             draining_until: None,
@@ -278,7 +278,7 @@ impl<'a> Connection<'a> {
     }
 
     fn on_status(&mut self, status: &RendererStatus) -> Result<(), CloseReason> {
-        self.inbound.set_techniques(technique_ids(status));
+        self.inbound.set_catalogue(Arc::clone(&status.catalogue));
         let before = std::mem::replace(&mut self.device, status.state);
         match (before, status.state) {
             (_, DeviceState::Failed) => return Err(CloseReason::DeviceLost),
@@ -374,7 +374,7 @@ fn settings_of(
         None => None,
     };
     let Some(resumed) = resumed else {
-        let technique = status.techniques.first().map_or("", |technique| technique.id);
+        let technique = status.catalogue.techniques.first().map_or("", |technique| technique.id);
         let max_pixels = hello.caps.max_px.unwrap_or(u64::MAX);
         return Ok(ViewSettings::of_scene(&member.live.scene, technique, max_pixels));
     };
@@ -383,10 +383,6 @@ fn settings_of(
     // The client may offer other codecs now.
     let codec = settings.codec.filter(|codec| hello.caps.codecs.contains(codec));
     Ok(ViewSettings { codec, ..settings })
-}
-
-fn technique_ids(status: &RendererStatus) -> Vec<&'static str> {
-    status.techniques.iter().map(|technique| technique.id).collect()
 }
 
 fn view_state(settings: &ViewSettings, outbound: &Outbound, input_seq: u32) -> ViewState {

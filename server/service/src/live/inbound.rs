@@ -4,6 +4,7 @@
 //! connection applies it. Every input is applied in the order of arrival and none is queued. What the renderer gets is
 //! the newest state, so a `move` may replace a `move`, and the `end` of a gesture is what remains.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::Message;
@@ -11,6 +12,7 @@ use surfelcast_protocol::client::{Ack, CameraInput, ClientEnvelope, ClientMessag
 use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::parse::{ParseError, parse_client};
 use surfelcast_protocol::settings::{Codec, LightPatch};
+use surfelcast_renderer::Catalogue;
 use surfelcast_renderer::scene::Camera;
 use surfelcast_review::number::within;
 
@@ -75,7 +77,7 @@ pub(crate) struct Received {
 pub(crate) struct Inbound {
     limits: Limits,
     offered: Vec<Codec>,
-    techniques: Vec<&'static str>,
+    catalogue: Arc<Catalogue>,
     settings: ViewSettings,
     inputs: TokenBucket,
     messages: TokenBucket,
@@ -91,16 +93,16 @@ impl Inbound {
             messages: TokenBucket::new(limits.inputs_per_sec.saturating_mul(MESSAGES_PER_INPUT)),
             malformed: 0,
             log: InputLog::default(),
-            techniques: Vec::new(),
+            catalogue: Arc::default(),
             limits,
             offered,
             settings,
         }
     }
 
-    /// Ids of the techniques that a view may use.
-    pub(crate) fn set_techniques(&mut self, techniques: Vec<&'static str>) {
-        self.techniques = techniques;
+    /// Techniques and outputs that a view may have.
+    pub(crate) fn set_catalogue(&mut self, catalogue: Arc<Catalogue>) {
+        self.catalogue = catalogue;
     }
 
     /// Settings of the view, as the client last set them.
@@ -186,7 +188,7 @@ impl Inbound {
 
     fn on_camera(&mut self, input: &CameraInput, now: Duration) -> Result<Effect, Refusal> {
         check_view(input.view)?;
-        let camera = camera("pose", "eye", &input.pose).map_err(Refusal::invalid)?;
+        let camera = camera("pose", &input.pose).map_err(Refusal::invalid)?;
         self.check_order(input.seq)?;
         self.log.record(input.seq, now, camera);
         self.settings.camera = camera;
@@ -200,7 +202,7 @@ impl Inbound {
 
     fn on_view_set(&mut self, set: &ViewSet) -> Result<Effect, Refusal> {
         check_view(set.view)?;
-        self.settings.apply(set, &self.limits, &self.techniques, &self.offered).map_err(Refusal::invalid)?;
+        self.settings.apply(set, &self.limits, &self.catalogue, &self.offered).map_err(Refusal::invalid)?;
         Ok(Effect::ViewChanged)
     }
 
@@ -231,7 +233,7 @@ mod tests {
     fn inbound() -> Inbound {
         let limits = Limits { inputs_per_sec: 10, ..Limits::default() };
         let mut inbound = Inbound::new(limits, ViewSettings::default(), vec![Codec::Jpeg]);
-        inbound.set_techniques(vec!["path"]);
+        inbound.set_catalogue(Arc::new(crate::test_catalogue::catalogue()));
         inbound
     }
 

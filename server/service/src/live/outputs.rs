@@ -1,79 +1,58 @@
-//! What a view can show instead of radiance, with names for people.
+//! What a view can show instead of radiance.
 
 use surfelcast_protocol::server::OutputInfo;
-use surfelcast_renderer::{Aov, SurfelOutput};
+use surfelcast_render_api::{Catalogue, OutputDescription};
 use surfelcast_review::ReviewError;
 
-/// Everything a view can show live, in the renderer's order.
-pub(crate) fn live() -> impl Iterator<Item = (&'static str, Aov)> {
-    Aov::ALL.into_iter().filter(|(_, aov)| aov.is_live())
+/// Outputs that a view can show, in the renderer's order.
+fn live(catalogue: &Catalogue) -> impl Iterator<Item = &'static OutputDescription> {
+    catalogue.outputs().map(|(output, _)| output).filter(|output| output.is_live)
 }
 
 /// The list in `welcome`.
-pub(crate) fn offered() -> Vec<OutputInfo> {
-    live().map(|(id, aov)| OutputInfo { id: id.into(), label: label(aov).into() }).collect()
+pub(crate) fn offered(catalogue: &Catalogue) -> Vec<OutputInfo> {
+    let offered = catalogue.outputs().filter(|(output, _)| output.is_live);
+    offered
+        .map(|(output, technique)| OutputInfo {
+            id: output.id.into(),
+            label: output.label.into(),
+            help: output.help.into(),
+            technique: technique.map(|technique| technique.id.into()),
+        })
+        .collect()
 }
 
-/// The live output of that name; the refusal lists those there are.
-pub(crate) fn live_by_name(field: &str, name: &str) -> Result<Aov, ReviewError> {
-    live().find(|(known, _)| *known == name).map(|(_, aov)| aov).ok_or_else(|| {
-        let names: Vec<&str> = live().map(|(name, _)| name).collect();
-        let why = if Aov::by_name(name).is_some() { "only a batch render has that output; " } else { "" };
+/// Id of the live output of that name; the refusal lists those there are.
+pub(crate) fn live_by_name(catalogue: &Catalogue, field: &str, name: &str) -> Result<&'static str, ReviewError> {
+    let found = catalogue.output(name).map(|(output, _)| output);
+    found.filter(|output| output.is_live).map(|output| output.id).ok_or_else(|| {
+        let names: Vec<&str> = live(catalogue).map(|output| output.id).collect();
+        let why = if found.is_some() { "only a batch render has that output; " } else { "" };
         ReviewError::invalid(field, format!("{why}a view shows null (radiance) or one of {}", names.join(", ")))
     })
 }
 
-/// Name for people. Every output has one, so that a new one cannot be forgotten here.
-fn label(aov: Aov) -> &'static str {
-    match aov {
-        Aov::Albedo => "Base colour",
-        Aov::Normal => "Normal",
-        Aov::Depth => "Depth",
-        Aov::Position => "Position",
-        Aov::InstanceId => "Objects",
-        Aov::Direct => "Direct light",
-        Aov::Indirect => "Indirect light",
-        Aov::Irradiance => "Indirect irradiance",
-        Aov::SampleCount => "Samples",
-        Aov::Variance => "Variance",
-        Aov::Reflection => "Reflections",
-        Aov::Surfel(output) => match output {
-            SurfelOutput::Id => "Surfels: nearest",
-            SurfelOutput::Radius => "Surfels: radius",
-            SurfelOutput::Coverage => "Surfels: coverage",
-            SurfelOutput::Weight => "Surfels: largest weight",
-            SurfelOutput::Irradiance => "Surfels: light held (B)",
-            SurfelOutput::Error => "Surfels: error",
-            SurfelOutput::Rays => "Surfels: rays",
-            SurfelOutput::Age => "Surfels: age",
-            SurfelOutput::Guide => "Surfels: guiding direction",
-            SurfelOutput::Depth => "Surfels: depth around",
-            SurfelOutput::Cells => "Surfels: grid entries read",
-            SurfelOutput::Leaks => "Surfels: leaks held back",
-            SurfelOutput::Level => "Surfels: grid level",
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
     use super::*;
+    use crate::test_catalogue::catalogue;
 
     #[test]
-    fn labels_tell_outputs_apart() {
-        let offered = offered();
-        let labels: BTreeSet<&str> = offered.iter().map(|output| output.label.as_str()).collect();
-        assert_eq!((labels.len(), offered.len()), (live().count(), live().count()));
+    fn live_outputs_are_offered_with_their_technique() {
+        let offered = offered(&catalogue());
+        let of: Vec<(&str, Option<&str>)> =
+            offered.iter().map(|output| (output.id.as_str(), output.technique.as_deref())).collect();
+        assert_eq!(of, [("normal", None), ("depth", None), ("other_density", Some("other"))]);
     }
 
     #[test]
     fn refusals_tell_batch_outputs_from_none() {
-        assert_eq!(live_by_name("aov", "normal"), Ok(Aov::Normal));
-        let batch = live_by_name("aov", "variance").expect_err("batch only").to_string();
-        assert!(batch.starts_with("aov: only a batch render") && batch.contains("surfel_coverage"), "{batch}");
-        let none = live_by_name("aov", "soul").expect_err("no such output").to_string();
-        assert!(none.starts_with("aov: a view shows null") && !none.contains("variance,"), "{none}");
+        let by_name = |name| live_by_name(&catalogue(), "aov", name);
+        assert_eq!(by_name("normal"), Ok("normal"));
+        assert_eq!(by_name("other_d"), Ok("other_density"), "an earlier name");
+        let batch = by_name("variance").expect_err("batch only").to_string();
+        assert!(batch.starts_with("aov: only a batch render") && batch.contains("other_density"), "{batch}");
+        let none = by_name("soul").expect_err("no such output").to_string();
+        assert!(none.starts_with("aov: a view shows null") && !none.contains("variance"), "{none}");
     }
 }

@@ -1,7 +1,8 @@
 //! Questions about a point of the frame that the client sees: what is there, and what lights it.
 
-use surfelcast_protocol::inspection::{Contribution, Inspection};
+use surfelcast_protocol::inspection::{Column, Disc, Field, FieldValue, Inspection, Row};
 use surfelcast_protocol::server::ServerMessage;
+use surfelcast_render_api as api;
 use surfelcast_renderer::{RendererError, RendererHandle, SessionKey};
 use tokio::sync::mpsc;
 
@@ -16,7 +17,7 @@ const MAX_IN_FLIGHT: usize = 4;
 pub(crate) enum PointQuestion {
     /// Which surface is there.
     Pick,
-    /// Which surfels light it.
+    /// What lights it.
     Inspect,
 }
 
@@ -119,28 +120,31 @@ impl PointQuestions {
 }
 
 /// The renderer's answer as the protocol has it.
-fn in_protocol(found: &surfelcast_renderer::Inspection) -> Inspection {
-    let part = |part: &surfelcast_renderer::Contribution| Contribution {
-        id: part.id,
-        share: part.share,
-        weight: part.weight,
-        visibility: part.visibility,
-        position: part.position,
-        normal: part.normal,
-        radius: part.radius,
-        direct: part.direct,
-        indirect: part.indirect,
-        ray_count: part.ray_count,
-        std_error: part.std_error,
+fn in_protocol(found: &api::Inspection) -> Inspection {
+    let value = |value: &api::Value| match *value {
+        api::Value::Number(number) => FieldValue::Number(number),
+        api::Value::Count(count) => FieldValue::Count(count),
+        api::Value::Triple(triple) => FieldValue::Triple(triple),
+    };
+    let field = |field: &api::Field| Field {
+        id: field.id.into(),
+        label: field.label.into(),
+        unit: field.unit.into(),
+        value: value(&field.value),
+    };
+    let column =
+        |column: &api::Column| Column { id: column.id.into(), label: column.label.into(), unit: column.unit.into() };
+    let row = |row: &api::Row| Row {
+        values: row.values.iter().map(value).collect(),
+        disc: row.disc.map(|disc| Disc { position: disc.position, normal: disc.normal, radius: disc.radius }),
     };
     Inspection {
         position: found.position,
         normal: found.normal,
-        coverage: found.coverage,
-        trust: found.trust,
-        direct: found.direct,
-        indirect: found.indirect,
-        contributions: found.contributions.iter().map(part).collect(),
+        headline: found.headline.clone(),
+        summary: found.summary.iter().map(field).collect(),
+        columns: found.columns.iter().map(column).collect(),
+        rows: found.rows.iter().map(row).collect(),
     }
 }
 
@@ -150,27 +154,16 @@ mod tests {
 
     #[test]
     fn nothing_is_lost_on_the_way_to_the_protocol() {
-        let part = surfelcast_renderer::Contribution {
-            id: 1,
-            share: 2.0,
-            weight: 3.0,
-            visibility: 4.0,
-            position: [5.0, 6.0, 7.0],
-            normal: [8.0, 9.0, 10.0],
-            radius: 11.0,
-            direct: [12.0, 13.0, 14.0],
-            indirect: [15.0, 16.0, 17.0],
-            ray_count: 18.0,
-            std_error: 19.0,
-        };
-        let found = surfelcast_renderer::Inspection {
+        let disc = api::Disc { position: [5.0, 6.0, 7.0], normal: [8.0, 9.0, 10.0], radius: 11.0 };
+        let values = vec![api::Value::Count(1), api::Value::Number(2.5), api::Value::Triple([12.0, 13.0, 14.0])];
+        let column = |id| api::Column { id, label: "A", unit: "m" };
+        let found = api::Inspection {
             position: [1.0, 2.0, 3.0],
             normal: [4.0, 5.0, 6.0],
-            coverage: 7.0,
-            trust: 8.0,
-            direct: [9.0, 10.0, 11.0],
-            indirect: [12.0, 13.0, 14.0],
-            contributions: vec![part],
+            headline: "One of them.".to_owned(),
+            summary: vec![api::Field { id: "trust", label: "Trust", unit: "s", value: api::Value::Number(0.5) }],
+            columns: vec![column("id"), column("share"), column("light")],
+            rows: vec![api::Row { values, disc: Some(disc) }],
         };
         let theirs = serde_json::to_value(&found).expect("encodes");
         assert_eq!(serde_json::to_value(in_protocol(&found)).expect("encodes"), theirs);

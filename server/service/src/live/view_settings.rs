@@ -4,7 +4,7 @@ use surfelcast_protocol::client::ViewSet;
 use surfelcast_protocol::limits::Limits;
 use surfelcast_protocol::settings::Codec;
 use surfelcast_renderer::scene::{Camera, Scene};
-use surfelcast_renderer::{Aov, ViewState};
+use surfelcast_renderer::{Catalogue, Settings, ViewState};
 use surfelcast_review::ReviewError;
 use surfelcast_review::number::{EXPOSURE, view_size, within};
 use surfelcast_stream::QualityLimits;
@@ -28,7 +28,7 @@ pub(crate) struct ViewSettings {
     pub(crate) exposure: f32,
     pub(crate) technique: String,
     /// Shown instead of radiance.
-    pub(crate) aov: Option<Aov>,
+    pub(crate) aov: Option<&'static str>,
     pub(crate) max_error: f32,
     pub(crate) max_samples: u32,
     pub(crate) quality: QualityLimits,
@@ -78,7 +78,7 @@ impl ViewSettings {
         &mut self,
         set: &ViewSet,
         limits: &Limits,
-        techniques: &[&str],
+        catalogue: &Catalogue,
         offered: &[Codec],
     ) -> Result<(), ReviewError> {
         let mut next = self.clone();
@@ -108,13 +108,14 @@ impl ViewSettings {
             next.exposure = within("exposure", exposure, EXPOSURE.0, EXPOSURE.1)?;
         }
         if let Some(technique) = &set.technique {
-            if !techniques.contains(&technique.as_str()) {
-                return Err(ReviewError::invalid("technique", format!("must be one of {}", techniques.join(", "))));
+            if catalogue.choose(technique).is_none() {
+                let ids: Vec<&str> = catalogue.technique_ids().map(|(id, ..)| id).collect();
+                return Err(ReviewError::invalid("technique", format!("must be one of {}", ids.join(", "))));
             }
             next.technique.clone_from(technique);
         }
         if let Some(output) = &set.aov {
-            next.aov = output.as_deref().map(|name| live_by_name("aov", name)).transpose()?;
+            next.aov = output.as_deref().map(|name| live_by_name(catalogue, "aov", name)).transpose()?;
         }
         if let Some(error) = set.max_error {
             next.max_error = within("max_error", error, f32::MIN_POSITIVE, 1.0)?;
@@ -133,7 +134,8 @@ impl ViewSettings {
             size: self.size,
             exposure: self.exposure,
             technique: self.technique.clone(),
-            aov: self.aov,
+            settings: Settings::default(),
+            aov: self.aov.map(str::to_owned),
             is_moving,
             is_paused: self.is_paused,
             max_scale: scale,
@@ -148,10 +150,11 @@ impl ViewSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_catalogue::catalogue;
 
     fn apply(set: &ViewSet) -> Result<ViewSettings, ReviewError> {
         let mut settings = ViewSettings::default();
-        settings.apply(set, &Limits::default(), &["path"], &[Codec::Jpeg])?;
+        settings.apply(set, &Limits::default(), &catalogue(), &[Codec::Jpeg])?;
         Ok(settings)
     }
 
@@ -171,15 +174,15 @@ mod tests {
         let mut settings = ViewSettings::default();
         let mut set_output = |aov: Option<Option<&str>>| {
             let set = ViewSet { aov: aov.map(|name| name.map(str::to_owned)), ..ViewSet::default() };
-            settings.apply(&set, &Limits::default(), &["path"], &[]).expect("valid");
-            settings.view_state(false, 1.0, 30.0, 0).aov
+            settings.apply(&set, &Limits::default(), &catalogue(), &[]).expect("valid");
+            settings.view_state(false, 1.0, 30.0, 0).aov.unwrap_or_default()
         };
-        assert_eq!(set_output(None), None);
-        assert_eq!(set_output(Some(Some("depth"))), Some(Aov::Depth));
-        assert_eq!(set_output(None), Some(Aov::Depth), "absent fields stay");
-        assert_eq!(set_output(Some(None)), None, "null goes back to radiance");
-        for (name, aov) in crate::live::outputs::live() {
-            assert_eq!(set_output(Some(Some(name))), Some(aov));
+        assert_eq!(set_output(None), "");
+        assert_eq!(set_output(Some(Some("depth"))), "depth");
+        assert_eq!(set_output(None), "depth", "absent fields stay");
+        assert_eq!(set_output(Some(None)), "", "null goes back to radiance");
+        for output in crate::live::outputs::offered(&catalogue()) {
+            assert_eq!(set_output(Some(Some(&output.id))), output.id);
         }
     }
 

@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use surfelcast_render_api::{Column, Field, Row, Value};
 use surfelcast_renderer::scene::{Camera, SceneEdit};
-use surfelcast_renderer::status::TechniqueDescription;
 use surfelcast_renderer::{
-    Aov, Command, CommandReceiver, Contribution, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot,
-    Inspection, JobProgress, RayCounts, RenderJob, RenderOutput, RendererError, RendererHandle, RendererStatus,
-    SessionKey, SurfelSettings, ViewKey, ViewState,
+    Command, CommandReceiver, DeviceInfo, DeviceState, ErrorEstimate, Frame, FrameKind, FrameSlot, Inspection,
+    JobProgress, RayCounts, RenderJob, RenderOutput, RendererError, RendererHandle, RendererStatus, SessionKey,
+    ViewKey, ViewState,
 };
 use tokio::sync::{oneshot, watch};
+
+use crate::test_catalogue::catalogue;
 
 /// Commands in the order in which the renderer got them; cameras by the x of their position.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +28,7 @@ pub(crate) enum Recorded {
         is_moving: bool,
     },
     /// A view shows another output than before.
-    Shows(Option<Aov>),
+    Shows(Option<String>),
     Lights {
         scene_rev: u32,
         count: usize,
@@ -37,8 +39,9 @@ pub(crate) enum Recorded {
     },
     Render {
         seed: u64,
-        aov: Option<Aov>,
-        surfel: SurfelSettings,
+        aov: Option<String>,
+        /// JSON of the settings.
+        settings: serde_json::Value,
     },
 }
 
@@ -81,8 +84,10 @@ impl Default for FakeBehaviour {
             point_time: Duration::ZERO,
             inspection: Some(Inspection {
                 normal: [0.0, 1.0, 0.0],
-                coverage: 1.5,
-                contributions: vec![Contribution { id: 7, share: 1.0, ..Contribution::default() }],
+                headline: "1 thing lights this point.".to_owned(),
+                summary: vec![Field { id: "coverage", label: "Coverage", unit: "", value: Value::Number(1.5) }],
+                columns: vec![Column { id: "id", label: "Thing", unit: "" }],
+                rows: vec![Row { values: vec![Value::Count(7)], disc: None }],
                 ..Inspection::default()
             }),
             final_samples: 64,
@@ -104,13 +109,10 @@ pub(crate) struct Fake {
 impl Fake {
     pub(crate) fn start(behaviour: FakeBehaviour) -> Self {
         let (handle, commands, status) = RendererHandle::channel();
-        let path =
-            TechniqueDescription { id: "path", label: "Path tracing", summary: "Unbiased.", uses_surfels: false };
-        let other = TechniqueDescription { id: "other", label: "Other", summary: "Another.", uses_surfels: true };
         status.send_replace(RendererStatus {
             state: DeviceState::Ready,
             device: DeviceInfo { name: "fake".into(), ..DeviceInfo::default() },
-            techniques: vec![path, other],
+            catalogue: Arc::new(catalogue()),
             ..RendererStatus::default()
         });
         let log = Arc::default();
@@ -191,7 +193,7 @@ impl Actor {
             Command::OpenView { session, view, state, slot, reply } => {
                 self.record(Recorded::OpenView);
                 if state.aov.is_some() {
-                    self.record(Recorded::Shows(state.aov));
+                    self.record(Recorded::Shows(state.aov.clone()));
                 }
                 self.views.insert(view, View { session, state, slot, samples: 0 });
                 let _ = reply.send(Ok(()));
@@ -200,7 +202,7 @@ impl Actor {
                 let x = state.camera.position.x;
                 self.record(Recorded::View { input_seq: state.input_seq, x, is_moving: state.is_moving });
                 if self.views.get(&view).is_some_and(|view| view.state.aov != state.aov) {
-                    self.record(Recorded::Shows(state.aov));
+                    self.record(Recorded::Shows(state.aov.clone()));
                 }
                 if let Some(view) = self.views.get_mut(&view) {
                     view.state = *state;
@@ -226,7 +228,9 @@ impl Actor {
                 });
             }
             Command::Render { job, progress, cancel, reply } => {
-                self.record(Recorded::Render { seed: job.seed, aov: job.aov, surfel: job.surfel });
+                let spec = &job.spec;
+                let settings = serde_json::to_value(&spec.settings).expect("encodes");
+                self.record(Recorded::Render { seed: spec.seed, aov: spec.aov.clone(), settings });
                 let error = (!self.behaviour.job_errors.is_empty()).then(|| self.behaviour.job_errors.remove(0));
                 tokio::spawn(render_job(*job, self.behaviour.job_time, error, progress, cancel, reply));
             }
@@ -297,8 +301,9 @@ async fn render_job(
 }
 
 fn output_of(job: &RenderJob) -> RenderOutput {
-    let count = job.size[0] as usize * job.size[1] as usize;
-    let mut state = job.seed | 1;
+    let spec = &job.spec;
+    let count = spec.size[0] as usize * spec.size[1] as usize;
+    let mut state = spec.seed | 1;
     let pixels = (0..count)
         .map(|_| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -307,14 +312,14 @@ fn output_of(job: &RenderJob) -> RenderOutput {
         .collect();
     RenderOutput {
         pixels,
-        size: job.size,
-        samples: job.stop.samples.unwrap_or(16),
-        error: job.aov.is_none().then_some(ERROR),
+        size: spec.size,
+        samples: spec.stop.samples.unwrap_or(16),
+        error: spec.aov.is_none().then_some(ERROR),
         rays: RayCounts::default(),
         render_secs: 0.25,
         setup_secs: 0.0,
-        surfels: None,
-        exported_surfels: Vec::new(),
+        occupancy: None,
+        export: None,
         passes: Vec::new(),
         skipped: Vec::new(),
         non_finite: 0,

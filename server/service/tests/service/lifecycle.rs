@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use axum::http::StatusCode;
 use serde_json::json;
-use surfelcast_renderer::{Aov, DeviceState, RendererError};
+use surfelcast_renderer::{DeviceState, RendererError};
 
 use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Got, Service};
@@ -66,7 +66,7 @@ async fn a_view_can_be_resumed() {
     assert_eq!(client.close_code().await, 4409, "the old connection is superseded");
     let (header, _) = second.frame().await;
     assert_eq!(header.full_size, [64, 48], "the view stands where it stood");
-    assert_eq!(service.fake.count(|t| *t == Recorded::Shows(Some(Aov::Normal))), 2, "and shows what it showed");
+    assert_eq!(service.fake.count(|t| *t == Recorded::Shows(Some("normal".to_owned()))), 2, "and shows what it showed");
     second.send(json!({"id": 1, "t": "pick", "x": 0.5, "y": 0.5})).await;
     assert_eq!(second.text("picked").await["position"][0], 6.0);
     // A used token resumes nothing; the client begins with the view of the scene.

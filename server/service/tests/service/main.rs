@@ -9,3 +9,5 @@ mod scenes;
 mod sockets;
 mod stream;
 mod support;
+#[path = "../../src/test_catalogue.rs"]
+mod test_catalogue;

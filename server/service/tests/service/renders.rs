@@ -1,14 +1,15 @@
-//! Renders over HTTP: the image, its job, its entity tag, and idempotency.
+//! Renders over HTTP: the picture, its job, its tag, and doing things once.
 
 use std::time::Duration;
 
 use axum::body::Body;
 use axum::http::{HeaderName, Request, StatusCode};
 use serde_json::{Value, json};
-use surfelcast_renderer::{Aov, DeviceState, KNOBS, RendererError, SurfelSettings};
+use surfelcast_renderer::{DeviceState, RendererError};
 
 use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Answer, Service};
+use crate::test_catalogue::catalogue;
 
 fn body(service: &Service, more: &Value) -> String {
     let mut body = json!({"scene": service.scene_id(), "width": 32, "height": 24, "samples_per_pixel": 4});
@@ -27,7 +28,7 @@ fn renders(service: &Service) -> usize {
 }
 
 #[tokio::test]
-async fn an_image_at_once_in_every_format() {
+async fn a_picture_at_once_in_every_format() {
     let service = Service::start().await;
     for (accept, mime) in [
         ("image/png", "image/png"),
@@ -79,13 +80,13 @@ async fn equal_requests_give_equal_bytes_and_one_render() {
         ("technique", json!("other")),
         ("materials", json!("lambert")),
         ("preset", json!("high")),
-        ("surfel", json!({"radius": 4})),
+        ("settings", json!({"radius": 4})),
         ("width", json!(33)),
         ("camera", json!({"position": [0, 0, 9], "target": [0, 0, 0], "vfov_deg": 30})),
     ] {
         let headers = [("accept", "image/png"), ("prefer", "wait=10")];
         let mut more = json!({"seed": 7});
-        if field == "preset" || field == "surfel" {
+        if field == "preset" || field == "settings" {
             more["technique"] = json!("other");
         }
         more[field] = value;
@@ -150,11 +151,26 @@ async fn unacceptable_answers_are_refused_before_the_work() {
     let service = Service::start().await;
     let answer = render(&service, &[("accept", "image/avif"), ("prefer", "wait=5")], json!({})).await;
     assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::NOT_ACCEPTABLE, "not_acceptable"));
-    let data = render(&service, &[("accept", "image/png"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
-    assert_eq!(data.status, StatusCode::NOT_ACCEPTABLE, "depth is no image");
+    let data = render(&service, &[("accept", "image/jpeg"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
+    assert_eq!(data.status, StatusCode::NOT_ACCEPTABLE, "lossy numbers are of no use");
     assert_eq!(renders(&service), 0);
-    let exr = render(&service, &[("accept", "image/x-exr"), ("prefer", "wait=5")], json!({"aov": "depth"})).await;
-    assert_eq!((exr.status, exr.header("surfelcast-error-rmse")), (StatusCode::OK, ""));
+}
+
+/// Other outputs than radiance come as numbers or as an image to look at, which no exposure touches.
+#[tokio::test]
+async fn outputs_come_as_exr_and_as_png() {
+    let service = Service::start().await;
+    let ask = |accept: &'static str, exposure: f64| {
+        let more = json!({"aov": "depth", "exposure": exposure});
+        let service = &service;
+        async move { render(service, &[("accept", accept), ("prefer", "wait=5")], more).await }
+    };
+    let exr = ask("*/*", 1.0).await;
+    assert_eq!((exr.status, exr.header("content-type")), (StatusCode::OK, "image/x-exr"));
+    assert_eq!(exr.header("surfelcast-error-rmse"), "");
+    let (png, exposed) = (ask("image/png", 1.0).await, ask("image/png", 8.0).await);
+    assert_eq!((png.status, png.header("content-type")), (StatusCode::OK, "image/png"));
+    assert_eq!(png.body, exposed.body);
 }
 
 #[tokio::test]
@@ -168,11 +184,16 @@ async fn bad_requests_name_the_field() {
         (json!({"technique": "warp"}), 422, "technique"),
         (json!({"reconstruction": "poisson"}), 422, "reconstruction"),
         (json!({"preset": "ultra"}), 422, "preset"),
-        (json!({"preset": "high"}), 422, "preset: technique path has no surfels"),
-        (json!({"surfel": {"radius": 4}}), 422, "surfel: technique path has no surfels"),
-        (json!({"surfel": {"radius": 1000}}), 422, "surfel.radius: must be within 1.5 to 32"),
-        (json!({"surfel": {"size": 1}}), 422, "surfel.size: no such knob"),
-        (json!({"surfel": {"rays": true}}), 400, "surfel.rays"),
+        (json!({"preset": "high"}), 422, "preset: technique path has no presets; leave it out"),
+        (json!({"settings": {"radius": 4}}), 422, "settings.radius: technique path has no such setting"),
+        (json!({"technique": "other", "settings": {"radius": 1000}}), 422, "settings.radius: must be within 1.5 to 32"),
+        (
+            json!({"technique": "other", "settings": {"size": 1}}),
+            422,
+            "settings.size: no such setting; there are radius",
+        ),
+        (json!({"technique": "other", "settings": {"rays": true}}), 400, "settings.rays: expected a number"),
+        (json!({"aov": "other_density"}), 422, "aov: technique path has no other_density; other has"),
         (json!({"camera_name": "nobody"}), 422, "camera_name"),
         (json!({"camera": {"position": [0, 0, 0], "target": [0, 0, 0], "vfov_deg": 40}}), 422, "camera"),
     ] {
@@ -191,50 +212,66 @@ async fn bad_requests_name_the_field() {
 }
 
 #[tokio::test]
-async fn surfel_settings_and_outputs_reach_the_renderer() {
+async fn settings_and_outputs_reach_the_renderer() {
     let service = Service::start().await;
-    let high = SurfelSettings { radius_pixels: 4.0, rays_per_pixel: 1.5, ..SurfelSettings::HIGH };
-    for (more, aov, surfel) in [
-        (json!({}), None, SurfelSettings::default()),
-        (json!({"technique": "other", "preset": "preview"}), None, SurfelSettings::PREVIEW),
-        (json!({"preset": null, "surfel": null, "seed": 1}), None, SurfelSettings::default()),
-        (json!({"technique": "other", "preset": "high", "surfel": {"radius": 4, "rays": 1.5}}), None, high),
-        (json!({"aov": "surfel_rays"}), Aov::by_name("surfel_rays"), SurfelSettings::default()),
+    let settings =
+        |radius: f64, rays: f64| json!({"radius": radius, "rays": rays, "reconstruction": "poisson", "depth": true});
+    for (more, aov, settings) in [
+        (json!({}), None, json!({})),
+        (json!({"technique": "other"}), None, settings(5.0, 0.5)),
+        (json!({"technique": "other", "preset": "preview"}), None, settings(8.0, 0.5)),
+        (json!({"preset": null, "settings": null, "seed": 1}), None, json!({})),
+        (
+            json!({"technique": "other", "preset": "high", "settings": {"radius": 4, "rays": 1.5}}),
+            None,
+            settings(4.0, 1.5),
+        ),
+        (json!({"technique": "other", "surfel": {"radius": 4}}), None, settings(4.0, 0.5)),
+        (json!({"technique": "other_soft"}), None, settings(16.0, 0.5)),
+        (json!({"technique": "other", "aov": "other_d"}), Some("other_density".to_owned()), settings(5.0, 0.5)),
     ] {
         let answer = render(&service, &[("prefer", "wait=10"), ("accept", "application/json")], more.clone()).await;
-        assert_eq!(answer.json()["status"], "succeeded");
+        assert_eq!(answer.json()["status"], "succeeded", "{more}");
         let seed = more["seed"].as_u64().unwrap_or(0);
-        assert_eq!(service.fake.recorded().last(), Some(&Recorded::Render { seed, aov, surfel }), "{more}");
+        let recorded = service.fake.recorded();
+        let last = recorded.iter().rev().find(|recorded| matches!(recorded, Recorded::Render { .. }));
+        // One that was rendered before is not rendered again.
+        let is_last = last == Some(&Recorded::Render { seed, aov: aov.clone(), settings: settings.clone() });
+        assert!(is_last, "{more}: {last:?}");
     }
 }
 
 #[tokio::test]
-async fn the_api_description_lists_presets_knobs_and_outputs() {
+async fn the_api_description_lists_techniques_presets_settings_and_outputs() {
     let service = Service::start().await;
     let document = service.get("/v1/openapi.json").await.json();
     let schemas = &document["components"]["schemas"];
-    let knobs = &schemas["SurfelKnobs"]["properties"];
-    assert_eq!(knobs.as_object().map(serde_json::Map::len), Some(KNOBS.len()));
-    for knob in KNOBS {
-        let described = &knobs[knob.name];
-        assert_eq!(described["description"], knob.help);
-        assert_eq!(described["minimum"].as_f64().map(|v| v as f32), Some(knob.range[0]), "{described}");
-        assert_eq!(described["maximum"].as_f64().map(|v| v as f32), Some(knob.range[1]), "{described}");
+    let settings = &schemas["Settings.other"]["properties"];
+    let catalogue = catalogue();
+    let other = catalogue.choose("other").expect("a technique").technique;
+    assert_eq!(settings.as_object().map(serde_json::Map::len), Some(other.settings.len()));
+    for setting in other.settings {
+        let described = &settings[setting.id];
+        assert!(described["description"].as_str().is_some_and(|text| text.starts_with(setting.help)), "{described}");
+        assert_eq!(described["default"], serde_json::to_value(setting.default_value()).expect("encodes"));
     }
-    let body = &schemas["RenderBody"];
-    assert_eq!(body["required"], json!(["scene"]));
-    let presets: Vec<&str> = SurfelSettings::PRESETS.iter().map(|(name, _)| *name).collect();
-    assert_eq!(
-        (&body["properties"]["preset"]["enum"], &body["properties"]["preset"]["default"]),
-        (&json!(presets), &json!("balanced"))
-    );
-    let outputs: Vec<&str> = Aov::ALL.iter().map(|(name, _)| *name).collect();
-    assert_eq!(body["properties"]["aov"]["enum"], json!(outputs));
-    assert!(body["properties"]["surfel"].to_string().contains("#/components/schemas/SurfelKnobs"), "{body}");
+    assert_eq!((&settings["radius"]["minimum"], &settings["radius"]["maximum"]), (&json!(1.5), &json!(32.0)));
+    assert_eq!(settings["reconstruction"]["enum"], json!(["none", "poisson"]));
+    assert_eq!(settings["depth"]["type"], "boolean");
+    let request = &schemas["RenderRequest"];
+    assert_eq!(request["required"], json!(["scene"]));
+    let fields = &request["properties"];
+    assert_eq!(fields["technique"]["enum"], json!(["path", "other", "other_soft"]));
+    assert_eq!(fields["technique"]["default"], "path");
+    assert_eq!(fields["preset"]["enum"], json!(["preview", "balanced", "high"]));
+    assert_eq!(fields["preset"]["default"], "balanced");
+    assert_eq!(fields["reconstruction"]["enum"], json!(["none", "poisson"]));
+    assert_eq!(fields["aov"]["enum"], json!(["normal", "depth", "variance", "other_density"]));
+    assert!(fields["settings"].to_string().contains("#/components/schemas/Settings.other"), "{fields}");
 }
 
 #[tokio::test]
-async fn the_api_description_names_every_header_of_an_image() {
+async fn the_api_description_names_every_header_of_a_picture() {
     let service = Service::start().await;
     let answer = render(&service, &[("accept", "image/png"), ("prefer", "wait=10")], json!({})).await;
     let document = service.get("/v1/openapi.json").await.json();
@@ -300,7 +337,7 @@ async fn failures_have_their_status() {
     assert_eq!((answer.status, answer.problem().as_str()), (StatusCode::SERVICE_UNAVAILABLE, "device_lost"));
     assert!(!answer.header("retry-after").is_empty());
     assert_eq!(renders(&service), 3, "nothing is sent twice");
-    assert_eq!(ask(1).await.status, StatusCode::OK, "failures are not kept");
+    assert_eq!(ask(1).await.status, StatusCode::OK, "failures are not remembered");
     service.fake.set_state(DeviceState::Lost);
     assert_eq!(ask(9).await.problem(), "no_device");
 }

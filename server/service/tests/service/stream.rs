@@ -5,7 +5,8 @@ use std::time::Duration;
 use serde_json::json;
 use surfelcast_protocol::frame::flags;
 use surfelcast_protocol::settings::Codec;
-use surfelcast_renderer::{Aov, Contribution, Inspection};
+use surfelcast_render_api::{Column, Row, Value};
+use surfelcast_renderer::Inspection;
 
 use crate::fake::{FakeBehaviour, Recorded};
 use crate::support::{Client, Got, Service};
@@ -158,8 +159,8 @@ async fn inspections_answer_for_the_acknowledged_frame() {
     client.send(inspect(2, 0.25, 0.75)).await;
     let answer = client.text("inspected").await;
     assert_eq!((answer["re"].as_u64(), answer["inspection"]["position"][0].as_f64()), (Some(2), Some(3.0)));
-    assert_eq!(answer["inspection"]["coverage"], 1.5);
-    assert_eq!(answer["inspection"]["contributions"][0]["id"], 7);
+    assert_eq!(answer["inspection"]["summary"][0]["value"], 1.5);
+    assert_eq!(answer["inspection"]["rows"][0]["values"], json!([7]));
     assert!(service.fake.recorded().contains(&Recorded::Inspect { size: [64, 48], point: [0.25, 0.75] }));
     for (message, field) in [(inspect(3, 0.5, -0.1), "y"), (inspect(3, 2.0, 0.5), "x")] {
         client.send(message).await;
@@ -172,9 +173,10 @@ async fn inspections_answer_for_the_acknowledged_frame() {
 }
 
 #[tokio::test]
-async fn points_without_surfels_are_null_and_broken_numbers_are_named() {
-    let broken = Contribution { id: 9, std_error: f32::NAN, ..Contribution::default() };
-    let broken = Inspection { contributions: vec![broken], ..Inspection::default() };
+async fn points_that_nothing_is_known_of_are_null_and_broken_numbers_are_named() {
+    let columns = vec![Column { id: "std_error", label: "Error", unit: "" }];
+    let rows = vec![Row { values: vec![Value::Number(f32::NAN)], disc: None }];
+    let broken = Inspection { columns, rows, ..Inspection::default() };
     for inspection in [None, Some(broken)] {
         let service = Service::with(FakeBehaviour { inspection, ..FakeBehaviour::default() }, |_| {}).await;
         let mut client = service.client().await;
@@ -191,7 +193,7 @@ async fn points_without_surfels_are_null_and_broken_numbers_are_named() {
         if answer["t"] == "inspected" {
             assert!(answer.get("inspection").is_some_and(serde_json::Value::is_null), "{answer}");
         } else {
-            let detail = "inspect: std_error of surfel 9 is not a finite number";
+            let detail = "inspect: std_error of row 0 is not a finite number";
             assert_eq!((answer["code"].as_str(), answer["detail"].as_str()), (Some("inspect_failed"), Some(detail)));
         }
     }
@@ -251,8 +253,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
             output["id"].as_str().expect("an id").to_owned()
         })
         .collect();
-    let live: Vec<&str> = Aov::ALL.iter().filter(|(_, aov)| aov.is_live()).map(|(name, _)| *name).collect();
-    assert_eq!(offered, live);
+    assert_eq!(offered, ["normal", "depth", "other_density"]);
     client.small().await;
     client.until_final().await;
     assert_eq!(final_error(&mut client).await, Some(0.0125));
@@ -265,7 +266,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     client.send(json!({"id": 2, "t": "view.set", "aov": 7})).await;
     let error = client.text("error").await;
     assert!(error["detail"].as_str().expect("text").contains("aov: expected"), "{error}");
-    client.send(json!({"id": 3, "t": "view.set", "aov": "surfel_coverage"})).await;
+    client.send(json!({"id": 3, "t": "view.set", "aov": "other_d"})).await;
     assert_eq!(client.text("ok").await["re"], 3);
     client.until_final().await;
     assert_eq!(final_error(&mut client).await, None, "the audit is not of this output");
@@ -277,7 +278,7 @@ async fn views_show_outputs_and_go_back_to_radiance() {
     assert_eq!(final_error(&mut client).await, Some(0.0125));
     let shown: Vec<Recorded> =
         service.fake.recorded().into_iter().filter(|recorded| matches!(recorded, Recorded::Shows(_))).collect();
-    assert_eq!(shown, [Recorded::Shows(Aov::by_name("surfel_coverage")), Recorded::Shows(None)]);
+    assert_eq!(shown, [Recorded::Shows(Some("other_density".to_owned())), Recorded::Shows(None)]);
 }
 
 #[tokio::test]

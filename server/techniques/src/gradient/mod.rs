@@ -7,7 +7,10 @@
 
 mod spread;
 
+use std::sync::Arc;
+
 use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
+use surfelcast_render_api::{Setting, SettingKind, SettingValue, Settings, TechniqueAlias, TechniqueDescription};
 use surfelcast_shaders::Features;
 use surfelcast_shaders::constants::GRADIENT_SCREEN;
 use surfelcast_shaders::layout::bytemuck;
@@ -24,32 +27,48 @@ use surfelcast_passes::step::{Step, StepBudget};
 use surfelcast_passes::upload::SceneBuffers;
 use surfelcast_passes::{counters, merge_passes, workgroups_of};
 
-/// Registry line of the least-squares reconstruction.
-pub const ENTRY: TechniqueEntry = TechniqueEntry {
-    id: "gradient",
-    label: "Gradient domain",
-    summary: "Path tracing of pixels and of their differences, and the picture that fits both in least squares.",
-    conformance: |_| Conformance::Unbiased,
-    kernels: |_| KERNELS.to_vec(),
-    uses_surfels: false,
-    needs: |_| Ok(()),
-    create: |gpu, scene, lights, _, options| {
-        Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(Norm::L2))?))
-    },
+/// What is minimised: the names are those of [`norm_of`].
+const NORM: Setting = Setting {
+    id: "norm",
+    label: "Norm",
+    help: "l2: squared residuals, unbiased. l1: absolute residuals, in which outliers fade at the price of a small bias",
+    unit: "",
+    kind: SettingKind::Choice { default: "l2", names: &["l2", "l1"] },
 };
 
-/// Registry line of the reconstruction that is robust against outliers.
-pub const ENTRY_L1: TechniqueEntry = TechniqueEntry {
-    id: "gradient_l1",
-    label: "Gradient domain, robust",
-    summary: "The same by absolute instead of squared residuals: outliers fade, at the price of a small bias.",
-    conformance: |_| Conformance::Consistent,
-    create: |gpu, scene, lights, _, options| {
-        let norm = Norm::L1 { rounds: L1_ROUNDS, scale: 1.0 };
-        Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, Reconstruction::Poisson(norm))?))
+/// Registry line.
+pub const ENTRY: TechniqueEntry = TechniqueEntry {
+    description: TechniqueDescription {
+        id: "gradient",
+        label: "Gradient domain",
+        summary: "Path tracing of pixels and of their differences, and the picture that fits both in least squares.",
+        aliases: &[TechniqueAlias {
+            id: "gradient_l1",
+            label: "Gradient domain, robust",
+            summary: "The same by absolute instead of squared residuals: outliers fade, at the price of a small bias.",
+            values: &[(NORM.id, SettingValue::name("l1"))],
+        }],
+        settings: &[NORM],
+        presets: &[],
+        outputs: &[],
+        export: None,
     },
-    ..ENTRY
+    conformance: |settings| match norm_of(settings) {
+        Norm::L2 => Conformance::Unbiased,
+        Norm::L1 { .. } => Conformance::Consistent,
+    },
+    kernels: |_| KERNELS.to_vec(),
+    needs: |_| Ok(()),
+    create: |gpu, scene, lights, _, options| {
+        let reconstruction = Reconstruction::Poisson(norm_of(&options.settings));
+        Ok(Box::new(GradientTracer::new(gpu, scene, lights, options, reconstruction)?))
+    },
+    open_session: || Arc::new(()),
 };
+
+fn norm_of(settings: &Settings) -> Norm {
+    if settings.choice(&NORM) == 0 { Norm::L2 } else { Norm::L1 { rounds: L1_ROUNDS, scale: 1.0 } }
+}
 
 /// The kernels that depend on the scene's features.
 const KERNELS: &[&str] = &["gradient_trace", "gradient_weights"];
@@ -114,7 +133,7 @@ impl GradientTracer {
     ) -> Result<Self, TechniqueError> {
         if options.is_split {
             return Err(TechniqueError::Unsupported {
-                technique: ENTRY.id,
+                technique: ENTRY.id(),
                 reason: "direct and indirect light are not kept apart; ask `path` for them".to_owned(),
             });
         }

@@ -3,7 +3,10 @@
 //! The reference: unbiased at any sample count, with an error that falls as one over the root of the samples. Its
 //! samples are in the passes (`path_samples.rs`), since settling takes the same.
 
+use std::sync::Arc;
+
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
+use surfelcast_render_api::TechniqueDescription;
 use surfelcast_shaders::Features;
 
 use crate::technique::{Change, Conformance, Technique, TechniqueEntry, TechniqueError, TechniqueOptions};
@@ -17,17 +20,24 @@ use surfelcast_passes::upload::SceneBuffers;
 
 /// Registry line.
 pub const ENTRY: TechniqueEntry = TechniqueEntry {
-    id: "path",
-    label: "Path tracing",
-    summary: "Unbiased reference: every pixel traced on its own, refined until its error is met.",
+    description: TechniqueDescription {
+        id: "path",
+        label: "Path tracing",
+        summary: "Unbiased reference: every pixel traced on its own, refined until its error is met.",
+        aliases: &[],
+        settings: &[],
+        presets: &[],
+        outputs: &[],
+        export: None,
+    },
     conformance: |_| Conformance::Unbiased,
     kernels: |_| vec![KERNEL],
-    uses_surfels: false,
     needs: |_| Ok(()),
     create: |gpu, scene, lights, _, options| {
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split);
-        Ok(Box::new(PathTracer::new(gpu, options, features)?))
+        Ok(Box::new(PathTracer::new(gpu, &options, features)?))
     },
+    open_session: || Arc::new(()),
 };
 
 struct PathTracer {
@@ -35,7 +45,7 @@ struct PathTracer {
 }
 
 impl PathTracer {
-    fn new(gpu: &Gpu, options: TechniqueOptions, features: Features) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, options: &TechniqueOptions, features: Features) -> Result<Self, GpuError> {
         let general = general_features(options.materials, options.is_split);
         let kernels = KernelSet::new(gpu, vec![KERNEL], features, general, options.waits_for_kernels)?;
         Ok(Self { samples: PathSamples::new(gpu, kernels, options.size, options.is_split, options.seed)? })
@@ -82,5 +92,5 @@ impl Technique for PathTracer {
 pub fn create_general(gpu: &Gpu, options: TechniqueOptions) -> Result<Box<dyn Technique>, TechniqueError> {
     let general = general_features(options.materials, options.is_split);
     let options = TechniqueOptions { waits_for_kernels: true, ..options };
-    Ok(Box::new(PathTracer::new(gpu, options, general)?))
+    Ok(Box::new(PathTracer::new(gpu, &options, general)?))
 }

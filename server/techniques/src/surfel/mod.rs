@@ -6,30 +6,85 @@
 
 mod cache;
 mod frame;
+mod outputs;
+mod ply;
+mod session;
 mod settings;
+mod settings_table;
 mod view;
 
-pub use cache::{ExportedSurfel, MeasuredDifference, SnapshotError, SnapshotIdentity, SurfelCache};
-pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, KNOBS, Knob, Reconstruction, SurfelSettings};
+use std::sync::Arc;
+
+use surfelcast_passes::materials::MaterialMode;
+use surfelcast_passes::visibility;
+use surfelcast_render_api::TechniqueDescription;
+
+pub use cache::{ExportedSurfel, MeasuredDifference, SnapshotError, SurfelCache};
+pub use session::cache_of;
+pub use settings::{Apply, Estimator, Grid, ImageScheme, Initial, Reconstruction, SurfelSettings};
+pub use surfelcast_shaders::constants::SURFEL_FULL_TRUST as FULL_TRUST;
+pub use surfelcast_shaders::records::SurfelContribution;
 pub use view::SurfelOutput;
 
-use surfelcast_passes::visibility;
-
+use crate::session::own;
+use crate::surfel::session::SurfelSession;
 use crate::surfel::view::SurfelView;
-use crate::technique::{Conformance, TechniqueEntry};
+use crate::technique::{Conformance, TechniqueEntry, TechniqueOptions};
+
+/// Options of one image with the settings read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ViewOptions {
+    pub(crate) size: [u32; 2],
+    pub(crate) full_size: [u32; 2],
+    pub(crate) materials: MaterialMode,
+    pub(crate) is_split: bool,
+    pub(crate) seed: u64,
+    pub(crate) waits_for_kernels: bool,
+    pub(crate) surfel: SurfelSettings,
+}
+
+impl From<&TechniqueOptions> for ViewOptions {
+    fn from(options: &TechniqueOptions) -> Self {
+        Self {
+            size: options.size,
+            full_size: options.full_size,
+            materials: options.materials,
+            is_split: options.is_split,
+            seed: options.seed,
+            waits_for_kernels: options.waits_for_kernels,
+            surfel: (&options.settings).into(),
+        }
+    }
+}
 
 /// Registry line.
 pub const ENTRY: TechniqueEntry = TechniqueEntry {
-    id: "surfel",
-    label: "Surfel cache",
-    summary: "Real-time default: indirect light from a cache that all views share and that stays.",
-    conformance: |settings| {
-        if settings.settles { Conformance::Consistent } else { Conformance::Biased { rmse_tonemapped: 0.03 } }
+    description: TechniqueDescription {
+        id: "surfel",
+        label: "Surfel cache",
+        summary: "Real-time default: indirect light from a cache that all views share and that stays.",
+        aliases: &[],
+        settings: &settings_table::SETTINGS,
+        presets: settings::PRESETS,
+        outputs: outputs::OUTPUTS,
+        export: Some(
+            "the surfels as a PLY point cloud: position, normal, radius, irradiance over pi, rays, variance, age",
+        ),
     },
-    kernels: kernels_for,
-    uses_surfels: true,
+    conformance: |settings| {
+        if SurfelSettings::from(settings).settles {
+            Conformance::Consistent
+        } else {
+            Conformance::Biased { rmse_tonemapped: 0.03 }
+        }
+    },
+    kernels: |settings| kernels_for(&settings.into()),
     needs: |_| Ok(()),
-    create: |gpu, scene, lights, session, options| Ok(Box::new(SurfelView::new(gpu, scene, lights, session, options)?)),
+    create: |gpu, scene, lights, session, options| {
+        let session: &SurfelSession = own(session, "surfel")?;
+        Ok(Box::new(SurfelView::new(gpu, scene, lights, session, (&options).into())?))
+    },
+    open_session: || Arc::new(SurfelSession::default()),
 };
 
 /// Kernels of every view.

@@ -1,6 +1,9 @@
-//! Knobs of the surfel cache: what turning each up buys, and what it costs.
+//! Settings of the surfel cache and of its views: what a larger value of each buys, and what it costs.
 
+use surfelcast_render_api::{Preset, SettingValue, Settings};
 use surfelcast_shaders::constants::{IMAGE_MASKED, IMAGE_SUMMED, IMAGE_UNMASKED, IMAGE_UNSCREENED, IMAGE_WEIGHED};
+
+use crate::surfel::settings_table::ROWS;
 
 /// How a surfel's mean follows its rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +25,11 @@ pub enum Grid {
     Trapezoidal,
 }
 
+impl Grid {
+    /// All by name.
+    pub const ALL: [(&'static str, Self); 2] = [("cascades", Self::Cascades), ("trapezoidal", Self::Trapezoidal)];
+}
+
 /// Where a cache's first surfels go, before gaps are filled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Initial {
@@ -32,6 +40,12 @@ pub enum Initial {
     Fibonacci = 1,
     /// Along a Hilbert curve over the sphere around the camera, so that neighbours get neighbouring ids.
     Hilbert = 2,
+}
+
+impl Initial {
+    /// All by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("gaps", Self::Gaps), ("fibonacci", Self::Fibonacci), ("hilbert", Self::Hilbert)];
 }
 
 /// How what surfels measured becomes what is shown.
@@ -53,21 +67,6 @@ impl Reconstruction {
     /// All by name.
     pub const ALL: [(&'static str, Self); 4] =
         [("none", Self::None), ("regression", Self::Regression), ("poisson", Self::Poisson), ("image", Self::Image)];
-
-    /// The one of that name.
-    pub fn by_name(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(known, _)| *known == name).map(|(_, reconstruction)| *reconstruction)
-    }
-
-    /// All names.
-    pub fn names() -> [&'static str; 4] {
-        Self::ALL.map(|(name, _)| name)
-    }
-
-    /// Its name on the command line and over HTTP.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(_, known)| *known == self).map_or("none", |(name, _)| name)
-    }
 
     /// Whether surfels are joined to their neighbours.
     pub(crate) fn uses_graph(self) -> bool {
@@ -103,6 +102,17 @@ pub enum ImageScheme {
     Unscreened = IMAGE_UNSCREENED as isize,
 }
 
+impl ImageScheme {
+    /// All by name.
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("weighed", Self::Weighed),
+        ("masked", Self::Masked),
+        ("unmasked", Self::Unmasked),
+        ("summed", Self::Summed),
+        ("unscreened", Self::Unscreened),
+    ];
+}
+
 /// How surfels come to a picture's pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Apply {
@@ -113,6 +123,12 @@ pub enum Apply {
     Boxes,
     /// Each surfel is drawn as a square in its plane: fewer triangles, misses a little at grazing angles.
     Quads,
+}
+
+impl Apply {
+    /// All by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("gather", Self::Gather), ("boxes", Self::Boxes), ("quads", Self::Quads)];
 }
 
 /// Settings of a cache and of the pictures that it lights.
@@ -192,206 +208,24 @@ impl SurfelSettings {
     pub const BALANCED: Self = Self { radius_pixels: 5.0, rays_per_pixel: 0.5, target_error: 0.003, ..Self::PREVIEW };
     /// Slower and exact.
     pub const HIGH: Self = Self { radius_pixels: 3.0, rays_per_pixel: 1.0, target_error: 0.001, ..Self::PREVIEW };
-
-    /// All presets by name.
-    pub const PRESETS: [(&'static str, Self); 3] =
-        [("preview", Self::PREVIEW), ("balanced", Self::BALANCED), ("high", Self::HIGH)];
-
-    /// The preset of that name.
-    pub fn by_name(name: &str) -> Option<Self> {
-        Self::PRESETS.iter().find(|(known, _)| *known == name).map(|(_, settings)| *settings)
-    }
 }
 
-/// A knob: its name on the command line, what it takes, and what turning it up buys and costs.
-#[derive(Clone, Copy, Debug)]
-pub struct Knob {
-    /// Name.
-    pub name: &'static str,
-    /// Smallest and largest value; switches take 0 and 1.
-    pub range: [f32; 2],
-    /// What it does.
-    pub help: &'static str,
-    get: fn(&SurfelSettings) -> f32,
-    set: fn(&mut SurfelSettings, f32),
-}
-
-/// Every knob.
-pub const KNOBS: &[Knob] = &[
-    Knob {
-        name: "capacity",
-        range: [0.0, 4_194_304.0],
-        help: "surfels that fit, rounded up to a power of two from 65536; 0 fits the picture. More keep more of the scene; 1100 bytes each",
-        get: |settings| settings.capacity as f32,
-        set: |settings, value| settings.capacity = value as u32,
-    },
-    Knob {
-        name: "radius",
-        range: [1.5, 32.0],
-        help: "radius in pixels. Half of it shows finer detail, with four times the surfels and rays for the same noise",
-        get: |settings| settings.radius_pixels,
-        set: |settings, value| settings.radius_pixels = value,
-    },
-    Knob {
-        name: "coverage",
-        range: [0.05, 2.0],
-        help: "overlap at which a point counts as covered. More is smoother, with more surfels to trace and gather",
-        get: |settings| settings.coverage,
-        set: |settings, value| settings.coverage = value,
-    },
-    Knob {
-        name: "rays",
-        range: [0.01, 16.0],
-        help: "rays of an update for each pixel. More settle in fewer frames, each of which takes longer",
-        get: |settings| settings.rays_per_pixel,
-        set: |settings, value| settings.rays_per_pixel = value,
-    },
-    Knob {
-        name: "target",
-        range: [0.0, 0.1],
-        help: "tone-mapped error at which a surfel is done, 0 for never. Less is more exact and keeps tracing longer",
-        get: |settings| settings.target_error,
-        set: |settings, value| settings.target_error = value,
-    },
-    Knob {
-        name: "guiding",
-        range: [0.0, 0.9],
-        help: "share of rays sent where light came from. Helps where it comes from few directions; gives up the even sequence of directions",
-        get: |settings| settings.guided_share,
-        set: |settings, value| settings.guided_share = value,
-    },
-    Knob {
-        name: "depth",
-        range: [0.0, 1.0],
-        help: "1: surfels do not light what a wall hides from them. Costs a few percent of the frame",
-        get: |settings| f32::from(settings.respects_depth),
-        set: |settings, value| settings.respects_depth = value >= 0.5,
-    },
-    Knob {
-        name: "image",
-        range: [0.0, 4.0],
-        help: "with reconstruction in the image, 0: differences by normalised weights, none across folds and steps, each as far as it is believed; 1: believed alike; 2: across folds and steps too; 3: slopes of all overlapping surfels added up, as published; 4: and values all but left out. From 1 on for comparison: worse",
-        get: |settings| settings.image as u8 as f32,
-        set: |settings, value| {
-            settings.image = match value.round() as u8 {
-                0 => ImageScheme::Weighed,
-                1 => ImageScheme::Masked,
-                2 => ImageScheme::Unmasked,
-                3 => ImageScheme::Summed,
-                _ => ImageScheme::Unscreened,
-            };
-        },
-    },
-    Knob {
-        name: "sharing",
-        range: [0.0, 1.0],
-        help: "1: without reconstruction, young surfels borrow from neighbours. Less noise in the first frames, for a pass over the surfels",
-        get: |settings| f32::from(settings.shares),
-        set: |settings, value| settings.shares = value >= 0.5,
-    },
-    Knob {
-        name: "multiscale",
-        range: [0.0, 1.0],
-        help: "1: the multiscale mean estimator instead of the exact mean, to compare",
-        get: |settings| f32::from(settings.estimator == Estimator::Multiscale),
-        set: |settings, value| {
-            settings.estimator = if value >= 0.5 { Estimator::Multiscale } else { Estimator::RunningMean };
-        },
-    },
-    Knob {
-        name: "feedback",
-        range: [0.0, 1.0],
-        help: "1: rays end in the cache where it can be trusted. 0 traces every path to its end: slower, no error fed back",
-        get: |settings| f32::from(settings.feeds_back),
-        set: |settings, value| settings.feeds_back = value >= 0.5,
-    },
-    Knob {
-        name: "grid",
-        range: [0.0, 1.0],
-        help: "how surfels are found, 0: cells of every size, for any number of cameras; 1: a trapezoidal grid around the first, to compare",
-        get: |settings| f32::from(settings.grid == Grid::Trapezoidal),
-        set: |settings, value| settings.grid = if value >= 0.5 { Grid::Trapezoidal } else { Grid::Cascades },
-    },
-    Knob {
-        name: "binning",
-        range: [0.0, 1.0],
-        help: "1: rays are sorted by place and direction before they are traced. The same picture; pays where memory is slower than sorting",
-        get: |settings| f32::from(settings.bins_rays),
-        set: |settings, value| settings.bins_rays = value >= 0.5,
-    },
-    Knob {
-        name: "initial",
-        range: [0.0, 2.0],
-        help: "first surfels, 0: where the picture has gaps; 1: on a Fibonacci sphere around the camera; 2: along a Hilbert curve over it, which keeps neighbours together in memory",
-        get: |settings| settings.initial as u32 as f32,
-        set: |settings, value| {
-            settings.initial = match value.round() as u32 {
-                0 => Initial::Gaps,
-                1 => Initial::Fibonacci,
-                _ => Initial::Hilbert,
-            };
-        },
-    },
-    Knob {
-        name: "pin",
-        range: [0.0, 1.0],
-        help: "1: surfels that this picture sees are never recycled while it is there, wherever it turns. Fills the cache for others",
-        get: |settings| f32::from(settings.pins),
-        set: |settings, value| settings.pins = value >= 0.5,
-    },
-    Knob {
-        name: "apply",
-        range: [0.0, 2.0],
-        help: "0: pixels gather surfels. 1: surfels are drawn as boxes, for about the same picture. 2: as squares, for less than boxes, missing some light at grazing angles",
-        get: |settings| settings.apply as u8 as f32,
-        set: |settings, value| {
-            settings.apply = match value.round() as u8 {
-                0 => Apply::Gather,
-                1 => Apply::Boxes,
-                _ => Apply::Quads,
-            };
-        },
-    },
-    Knob {
-        name: "reuse",
-        range: [0.0, 1.0],
-        help: "1: while the camera moves, direct light of the frame before is used again. Less noise, shadows a little softer until it rests; 96 bytes a pixel more",
-        get: |settings| f32::from(settings.reuses_direct),
-        set: |settings, value| settings.reuses_direct = value >= 0.5,
-    },
-    Knob {
-        name: "filter",
-        range: [0.0, 1.0],
-        help: "1: direct light is filtered over neighbouring pixels, as far as it is noise. Less noise in the first frames, for a few percent of them; 56 bytes a pixel more",
-        get: |settings| f32::from(settings.filters_direct),
-        set: |settings, value| settings.filters_direct = value >= 0.5,
-    },
-    Knob {
-        name: "settling",
-        range: [0.0, 1.0],
-        help: "1: a picture at rest settles to the path-traced truth, by samples of its own once the cache gains less. 0: it stays with the cache, a little off; 32 bytes a pixel less",
-        get: |settings| f32::from(settings.settles),
-        set: |settings, value| settings.settles = value >= 0.5,
-    },
+/// The presets as they are requested; the same as [`SurfelSettings::PREVIEW`] and its like.
+pub(crate) const PRESETS: &[Preset] = &[
+    Preset { id: "preview", values: &PREVIEW },
+    Preset { id: "balanced", values: &BALANCED },
+    Preset { id: "high", values: &HIGH },
 ];
+const PREVIEW: [(&str, SettingValue); 3] = quality(8.0, 0.25, 0.006);
+const BALANCED: [(&str, SettingValue); 3] = quality(5.0, 0.5, 0.003);
+const HIGH: [(&str, SettingValue); 3] = quality(3.0, 1.0, 0.001);
+
+const fn quality(radius: f64, rays: f64, target: f64) -> [(&'static str, SettingValue); 3] {
+    let number = SettingValue::Number;
+    [("radius", number(radius)), ("rays", number(rays)), ("target", number(target))]
+}
 
 impl SurfelSettings {
-    /// Turns one knob, given as `name=value`. The answer to what is wrong names the knob and its range.
-    pub fn turn(&mut self, assignment: &str) -> Result<(), String> {
-        let names = || KNOBS.iter().map(|knob| knob.name).collect::<Vec<_>>().join(", ");
-        let Some((name, value)) = assignment.split_once('=') else {
-            return Err(format!("{assignment}: expected KNOB=VALUE; knobs are {}", names()));
-        };
-        let Some(knob) = KNOBS.iter().find(|knob| knob.name == name.trim()) else {
-            return Err(format!("{name}: no such knob; there are {}", names()));
-        };
-        let [least, most] = knob.range;
-        let value = value.trim().parse().ok().filter(|value: &f32| (least..=most).contains(value));
-        let Some(value) = value else { return Err(format!("{name}: takes a number from {least} to {most}")) };
-        (knob.set)(self, value);
-        Ok(())
-    }
-
     /// Settings without those that change how the cache works and nothing of what is in it.
     pub(crate) fn of_content(&self) -> Self {
         Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..self.of_cache() }
@@ -409,10 +243,21 @@ impl SurfelSettings {
             ..*self
         }
     }
+}
 
-    /// Value of a knob.
-    pub fn value_of(&self, knob: &Knob) -> f32 {
-        (knob.get)(self)
+impl From<&Settings> for SurfelSettings {
+    fn from(settings: &Settings) -> Self {
+        let mut read = Self::BALANCED;
+        for row in &ROWS {
+            row.read(settings, &mut read);
+        }
+        read
+    }
+}
+
+impl From<SurfelSettings> for Settings {
+    fn from(settings: SurfelSettings) -> Self {
+        ROWS.iter().map(|row| (row.setting.id, row.value(&settings))).collect()
     }
 }
 
@@ -424,25 +269,40 @@ impl Default for SurfelSettings {
 
 #[cfg(test)]
 mod tests {
+    use surfelcast_render_api::SettingKind;
+
     use super::*;
+    use crate::surfel::ENTRY;
+    use crate::surfel::settings_table::SETTINGS;
 
     #[test]
-    fn every_knob_turns_within_its_range_and_refuses_beyond() {
-        for knob in KNOBS {
-            let mut settings = SurfelSettings::BALANCED;
-            let [least, most] = knob.range;
-            for value in [least, most] {
-                settings.turn(&format!("{}={value}", knob.name)).expect(knob.name);
-                assert_eq!(settings.value_of(knob), value, "{}", knob.name);
+    fn every_setting_takes_effect_and_comes_back() {
+        for setting in &SETTINGS {
+            let values = match setting.kind {
+                SettingKind::Number { range: [least, most], .. } => {
+                    vec![SettingValue::Number(least), SettingValue::Number(most)]
+                }
+                SettingKind::Switch { .. } => vec![SettingValue::Switch(false), SettingValue::Switch(true)],
+                SettingKind::Choice { names, .. } => names.iter().map(|name| SettingValue::name(name)).collect(),
+            };
+            for value in values {
+                let mut settings = Settings::default();
+                settings.set(setting, &value).expect(setting.id);
+                let read = SurfelSettings::from(&settings);
+                assert_eq!(Settings::from(read).get(setting), value, "{}", setting.id);
+                assert_eq!(read == SurfelSettings::BALANCED, value == setting.default_value(), "{}", setting.id);
             }
-            assert!(
-                settings.turn(&format!("{}={}", knob.name, most * 2.0 + 1.0)).is_err_and(|e| e.contains(knob.name))
-            );
         }
-        let mut settings = SurfelSettings::BALANCED;
-        for bad in ["radius", "radius=", "radius=nan", "size=3", "=", "rays=-1"] {
-            assert!(settings.turn(bad).is_err(), "{bad}");
+    }
+
+    #[test]
+    fn presets_and_defaults_are_those_of_the_code() {
+        let presets = [SurfelSettings::PREVIEW, SurfelSettings::BALANCED, SurfelSettings::HIGH];
+        for (preset, expected) in PRESETS.iter().zip(presets) {
+            let settings = ENTRY.description.preset(preset.id).expect(preset.id);
+            assert_eq!(SurfelSettings::from(&settings), expected, "{}", preset.id);
         }
-        assert_eq!(settings, SurfelSettings::BALANCED);
+        assert_eq!(Settings::from(SurfelSettings::BALANCED), Settings::defaults(&SETTINGS));
+        assert_eq!(ENTRY.description.default_preset().map(|preset| preset.id), Some("balanced"));
     }
 }

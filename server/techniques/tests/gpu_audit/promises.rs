@@ -1,8 +1,8 @@
 //! The audit is unbiased, and its intervals contain the truth as often as promised, in a room without caustics.
 
-use surfelcast_techniques::surfel::Reconstruction;
+use surfelcast_techniques::surfel::{Reconstruction, SurfelSettings};
 use surfelcast_techniques::technique::TechniqueOptions;
-use surfelcast_techniques::{Audit, AuditResult, SessionState, SurfelSettings, registry};
+use surfelcast_techniques::{Audit, AuditResult, SessionState, registry};
 
 use crate::rig::{Mean, Rig, gpu};
 use crate::scenes::{Setting, matte};
@@ -48,9 +48,9 @@ fn audits(setting: &Setting, technique: &str, samples: u32) -> Vec<(AuditResult,
     };
     (0..PICTURES)
         .map(|seed| {
-            let options = TechniqueOptions { surfel, ..rig.options(seed) };
+            let options = TechniqueOptions { settings: surfel.into(), ..rig.options(seed) };
             let session = SessionState::default();
-            let mut picture = (entry.create)(&gpu, &rig.buffers, &rig.lights, &session, options).unwrap();
+            let mut picture = entry.start(&gpu, &rig.buffers, &rig.lights, &session, options).unwrap();
             rig.render(picture.as_mut(), samples, u64::MAX);
             let mut audit = Audit::new(&gpu, picture.features(), SIZE, seed).unwrap();
             let buffer = picture.picture();

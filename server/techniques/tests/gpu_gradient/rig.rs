@@ -2,12 +2,11 @@
 
 use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_passes::step::{Step, StepBudget};
+use surfelcast_render_api::Settings;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_techniques::gradient::{GradientTracer, Reconstruction};
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
-use surfelcast_techniques::{
-    FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
-};
+use surfelcast_techniques::{FrameView, LightBuffers, MaterialMode, SceneBuffers, SessionState, TECHNIQUES, registry};
 
 use crate::scenes::Setting;
 
@@ -43,7 +42,7 @@ impl<'a> Rig<'a> {
             is_split: false,
             seed,
             waits_for_kernels: true,
-            surfel: SurfelSettings::default(),
+            settings: Settings::default(),
         }
     }
 
@@ -52,8 +51,9 @@ impl<'a> Rig<'a> {
     }
 
     pub(crate) fn technique(&self, id: &str, seed: u64) -> Box<dyn Technique> {
-        let entry = registry::by_id(id).unwrap();
-        (entry.create)(self.gpu, &self.buffers, &self.lights, &SessionState::default(), self.options(seed)).unwrap()
+        let (entry, settings) = registry::find(TECHNIQUES, id).unwrap();
+        let options = TechniqueOptions { settings, ..self.options(seed) };
+        entry.start(self.gpu, &self.buffers, &self.lights, &SessionState::default(), options).unwrap()
     }
 
     /// Renders until the image has `samples` samples per pixel, in steps of at most `max_paths` paths. Returns its number

@@ -1,7 +1,7 @@
 //! The order in which rays are traced changes nothing but the time.
 
-use surfelcast_techniques::surfel::ExportedSurfel;
-use surfelcast_techniques::{Change, SurfelSettings};
+use surfelcast_techniques::Change;
+use surfelcast_techniques::surfel::{ExportedSurfel, SurfelSettings, cache_of};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Paint, inside_of_box, scene};
@@ -23,7 +23,7 @@ fn binned_rays_bring_back_the_same_bits() {
                 // In pieces, so that a dispatch traces a part of the sequence.
                 rig.frames_in_pieces(picture.as_mut(), view, 3, 1500);
             }
-            let cache = rig.session.surfels().unwrap();
+            let cache = cache_of(&rig.session).unwrap();
             let surfels: Vec<ExportedSurfel> = cache.lock().export(&gpu).unwrap();
             (rig.read(picture.picture()), surfels)
         };

@@ -1,8 +1,9 @@
 //! Lights change, cameras are added and removed, and a converged cache costs nothing.
 
 use surfelcast_passes::step::StepBudget;
+use surfelcast_techniques::surfel::{SurfelSettings, cache_of};
 use surfelcast_techniques::technique::Technique;
-use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState, SurfelSettings};
+use surfelcast_techniques::{Change, FrameView, LightBuffers, LightState};
 
 use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -157,12 +158,12 @@ fn newly_visible_surfaces_are_lit_in_the_same_frame() {
     let mut rig = new_rig(full_size);
     let mut still = rig.picture();
     rig.frames(still.as_mut(), before, 2);
-    let [surfels_before, _] = still.surfels().unwrap();
+    let [surfels_before, _] = still.occupancy().unwrap();
     drop(still);
     rig.size = size;
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), after, 1);
-    let [surfels, _] = picture.surfels().unwrap();
+    let [surfels, _] = picture.occupancy().unwrap();
     let moved = rmse(&indirect(&rig, picture.as_ref()), &truth);
     println!("{surfels_before} surfels, then {surfels}; {moved:.4} in the gesture, {first:.4} from nothing");
     assert!(moved < 1.5 * first);
@@ -181,13 +182,13 @@ fn a_small_image_finds_the_fine_surfels_of_a_large_one() {
     let mut rig = Rig::new(&gpu, &scene, settings, full_size);
     let mut large = rig.picture();
     rig.frames(large.as_mut(), at, 16);
-    let [before, _] = large.surfels().unwrap();
+    let [before, _] = large.occupancy().unwrap();
     // The gesture's image replaces the still's.
     drop(large);
     rig.size = [48, 36];
     let mut small = rig.picture();
     let rays = rig.frames(small.as_mut(), at, 1);
-    let [after, _] = small.surfels().unwrap();
+    let [after, _] = small.occupancy().unwrap();
     let pixels = 48 * 36;
     println!("{before} surfels before, {after} after; {rays} rays for {pixels} pixels");
     assert!(after < before + before / 50, "{before} surfels before, {after} after");
@@ -238,7 +239,7 @@ fn a_camera_that_comes_closer_gets_finer_surfels() {
             let mut picture = rig.picture();
             rig.frames(picture.as_mut(), view, frames);
         }
-        let cache = rig.session.surfels().unwrap();
+        let cache = cache_of(&rig.session).unwrap();
         let surfels = cache.lock().export(&gpu).unwrap();
         surfels.iter().filter(|surfel| surfel.record.radius < 0.03).count()
     };

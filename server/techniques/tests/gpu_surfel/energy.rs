@@ -1,8 +1,7 @@
 //! Furnaces, guiding, rare light: no setting may add or remove energy.
 
 use surfelcast_gpu::Gpu;
-use surfelcast_techniques::SurfelSettings;
-use surfelcast_techniques::surfel::{Estimator, Reconstruction};
+use surfelcast_techniques::surfel::{Estimator, Reconstruction, SurfelSettings, cache_of};
 
 use crate::rig::{Rig, blocks, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, inside_of_tetrahedron, scene};
@@ -122,7 +121,7 @@ fn rare_panel(gpu: &Gpu, settings: SurfelSettings, frames: u32) -> [f64; 2] {
     let mut picture = rig.picture();
     // From above, close enough that every pixel is well under the panel.
     rig.frames(picture.as_mut(), camera([0.15, 0.5, 0.15], [0.05, 0.0, 0.0]), frames);
-    let cache = rig.session.surfels().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let surfels = cache.lock().export(gpu).unwrap();
     // Truth by the closed form of a small lamp: L cos cos A / (pi d^2).
     let mut measured = 0.0;

@@ -2,7 +2,7 @@
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::SurfelSettings;
+use surfelcast_techniques::surfel::SurfelSettings;
 
 use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};

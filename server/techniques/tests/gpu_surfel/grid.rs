@@ -2,8 +2,8 @@
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::surfel::Grid;
-use surfelcast_techniques::{Change, SessionState, SnapshotIdentity, SurfelSettings};
+use surfelcast_techniques::surfel::{ENTRY, Grid, SurfelSettings, cache_of};
+use surfelcast_techniques::{Change, SessionState, SnapshotIdentity};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -41,7 +41,7 @@ fn filled(gpu: &Gpu, scene: &Scene) -> Vec<u8> {
     let rig = Rig::new(gpu, scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), near_view(), 48);
-    let cache = rig.session.surfels().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     cache.lock().save(gpu, &IDENTITY).unwrap()
 }
 
@@ -49,11 +49,11 @@ fn filled(gpu: &Gpu, scene: &Scene) -> Vec<u8> {
 fn gathered(gpu: &Gpu, scene: &Scene, bytes: &[u8], grid: Grid, view: Camera) -> (Vec<[f32; 4]>, u32) {
     let mut rig = Rig::new(gpu, scene, SurfelSettings { grid, ..SETTINGS }, SIZE);
     rig.session = SessionState::default();
-    rig.session.offer_snapshot(IDENTITY, bytes.to_vec());
+    rig.session.of(&ENTRY).restore(IDENTITY, bytes.to_vec());
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), view, 1);
     let (_, irradiance) = picture.split().unwrap();
-    (rig.read(irradiance), picture.surfels().unwrap()[0])
+    (rig.read(irradiance), picture.occupancy().unwrap()[0])
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn the_trapezoidal_grid_follows_a_moving_camera() {
         }
         let (_, irradiance) = picture.split().unwrap();
         let sum = rig.read(irradiance).iter().map(|b| f64::from(b[0])).sum::<f64>();
-        (sum, picture.surfels().unwrap()[0])
+        (sum, picture.occupancy().unwrap()[0])
     };
     let (cascades, count) = walk(Grid::Cascades);
     let (trapezoidal, other_count) = walk(Grid::Trapezoidal);

@@ -1,9 +1,9 @@
 //! Reconstruction in the image keeps its promises, and the published scheme does not.
 
 use surfelcast_scene::Camera;
-use surfelcast_techniques::surfel::{ImageScheme, Reconstruction};
+use surfelcast_techniques::Change;
+use surfelcast_techniques::surfel::{ImageScheme, Reconstruction, SurfelSettings};
 use surfelcast_techniques::technique::Technique;
-use surfelcast_techniques::{Change, SurfelSettings};
 
 use crate::reconstruction::{SIZE, room, settings};
 use crate::rig::{Rig, camera, gpu, mean, tone_mapped_rmse};

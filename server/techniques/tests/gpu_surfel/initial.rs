@@ -1,8 +1,7 @@
 //! The first surfels are where uniform directions over the sphere hit surfaces, in the order of the directions.
 
 use glam::Vec3;
-use surfelcast_techniques::surfel::Initial;
-use surfelcast_techniques::{SurfelOutput, SurfelSettings};
+use surfelcast_techniques::surfel::{Initial, SurfelOutput, SurfelSettings, cache_of};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Paint, inside_of_box, scene};
@@ -20,7 +19,7 @@ fn directions(initial: Initial) -> (Vec<Vec3>, f64) {
     let mut picture = rig.picture();
     let camera = camera(EYE, [0.9, 0.2, -0.6]);
     rig.frames(picture.as_mut(), camera, 1);
-    let cache = rig.session.surfels().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let surfels = cache.lock().export(&gpu).unwrap();
     let eye = (camera.position - scene.origin).as_vec3();
     let view = surfelcast_techniques::FrameView { camera, size: SIZE, exposure: 1.0 };

@@ -1,9 +1,8 @@
 //! Light stays in the room it is in.
 
-use surfelcast_techniques::SurfelSettings;
-
 use crate::rig::{Rig, camera, gpu, mean};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
+use surfelcast_techniques::surfel::SurfelSettings;
 
 /// Two rooms with a common floor and ceiling and a thin wall between them; a lamp in the left one.
 fn two_rooms() -> Vec<Face> {

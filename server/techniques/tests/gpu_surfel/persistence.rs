@@ -2,7 +2,8 @@
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::Scene;
-use surfelcast_techniques::{SessionState, SnapshotIdentity, SurfelCache, SurfelSettings};
+use surfelcast_techniques::surfel::{ENTRY, SurfelCache, SurfelSettings, cache_of};
+use surfelcast_techniques::{SessionState, SnapshotIdentity};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -22,12 +23,12 @@ fn settled(gpu: &Gpu, scene: &Scene) -> (Vec<u8>, Vec<[f32; 4]>, u32) {
     let rig = Rig::new(gpu, scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 200);
-    let cache = rig.session.surfels().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let bytes = cache.lock().save(gpu, &IDENTITY).unwrap();
     picture.invalidate(surfelcast_techniques::Change::Camera);
     rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 1);
     let (_, irradiance) = picture.split().unwrap();
-    (bytes, rig.read(irradiance), picture.surfels().unwrap()[0])
+    (bytes, rig.read(irradiance), picture.occupancy().unwrap()[0])
 }
 
 #[test]
@@ -37,13 +38,13 @@ fn the_first_frame_after_a_restart_is_the_converged_one() {
     let (bytes, before, count) = settled(&gpu, &scene);
     let mut rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
     rig.session = SessionState::default();
-    rig.session.offer_snapshot(IDENTITY, bytes);
+    rig.session.of(&ENTRY).restore(IDENTITY, bytes);
     let mut picture = rig.picture();
     let rays = rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 1);
     assert_eq!(rays, 0, "the restored cache traced rays");
     let (_, irradiance) = picture.split().unwrap();
     assert!(rig.read(irradiance) == before, "irradiance differs from before the restart");
-    assert_eq!(picture.surfels().unwrap()[0], count, "restored surfels were not found, and new ones spawned");
+    assert_eq!(picture.occupancy().unwrap()[0], count, "restored surfels were not found, and new ones spawned");
 }
 
 #[test]
@@ -53,7 +54,7 @@ fn measured_edges_outlive_the_process() {
     let rig = Rig::new(&gpu, &scene, SETTINGS, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 12);
-    let cache = rig.session.surfels().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let learnt = cache.lock().measured_differences(&gpu).unwrap();
     assert!(learnt.len() > 500, "{} differences", learnt.len());
     let bytes = cache.lock().save(&gpu, &IDENTITY).unwrap();
@@ -92,7 +93,7 @@ fn damaged_and_foreign_snapshots_are_refused_and_a_new_cache_is_made() {
     let other_lights = SnapshotIdentity { lights: [7; 32], ..IDENTITY };
     assert_eq!(restore(&bytes, &other_lights, SETTINGS).unwrap().counts(), restored.counts());
     // With an invalid snapshot, a session starts from an empty cache.
-    rig.session.offer_snapshot(IDENTITY, vec![0; 1000]);
+    rig.session.of(&ENTRY).restore(IDENTITY, vec![0; 1000]);
     let mut picture = rig.picture();
     assert!(rig.frames(picture.as_mut(), camera([0.6, 0.2, 0.8], [-0.4, -0.3, -0.5]), 2) > 0);
 }

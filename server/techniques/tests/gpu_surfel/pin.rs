@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use surfelcast_gpu::Gpu;
-use surfelcast_techniques::surfel::Reconstruction;
-use surfelcast_techniques::{Change, SessionState, SurfelSettings, Technique};
+use surfelcast_techniques::surfel::{Reconstruction, SurfelSettings, cache_of};
+use surfelcast_techniques::{Change, SessionState, Technique};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
@@ -38,7 +38,7 @@ fn picture(rig: &mut Rig<'_>, size: [u32; 2], pins: bool) -> Box<dyn Technique> 
 }
 
 fn serials(gpu: &Gpu, session: &SessionState) -> BTreeSet<u32> {
-    let cache = session.surfels().unwrap();
+    let cache = cache_of(session).unwrap();
     let surfels = cache.lock().export(gpu).unwrap();
     surfels.iter().map(|surfel| surfel.record.serial).collect()
 }
@@ -53,14 +53,14 @@ fn pinned_surfels_outlive_a_cache_full_of_others() {
     let pinned = serials(&gpu, &rig.session);
     let elsewhere = camera([2.0, 0.0, 0.5], [2.0, 0.0, -1.0]);
     let mut right = picture(&mut rig, LARGE, false);
-    let is_full = |picture: &dyn Technique| picture.surfels().is_some_and(|[live, capacity]| live == capacity);
+    let is_full = |picture: &dyn Technique| picture.occupancy().is_some_and(|[live, capacity]| live == capacity);
     for _ in 0..8 {
         if !is_full(right.as_ref()) {
             right.invalidate(Change::Camera);
             rig.frames(right.as_mut(), elsewhere, 1);
         }
     }
-    assert!(is_full(right.as_ref()), "{:?}", right.surfels());
+    assert!(is_full(right.as_ref()), "{:?}", right.occupancy());
     // Many updates later, when surfels out of sight are due for recycling several times over.
     let mut small = picture(&mut rig, SMALL, false);
     rig.frames(small.as_mut(), elsewhere, 110);

@@ -1,10 +1,8 @@
 //! Promises of the solve over the surfels.
 
-use surfelcast_techniques::SurfelSettings;
-use surfelcast_techniques::surfel::Reconstruction;
-
 use crate::rig::{Rig, camera, gpu, mean, tone_mapped_rmse};
 use crate::scenes::{Face, Paint, inside_of_box, scene};
+use surfelcast_techniques::surfel::{Reconstruction, SurfelSettings, cache_of};
 
 pub(crate) const SIZE: [u32; 2] = [64, 48];
 
@@ -45,7 +43,7 @@ fn reconnected_rays_measure_the_differences_of_converged_values() {
     let rig = Rig::new(&gpu, &scene, many, SIZE);
     let mut picture = rig.picture();
     rig.frames(picture.as_mut(), camera([0.0, 0.0, 0.95], [0.0, -0.2, 0.0]), 128);
-    let cache = picture.surfel_cache().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let cache = cache.lock();
     let surfels = cache.export(&gpu).unwrap();
     let value = |end: u32| {

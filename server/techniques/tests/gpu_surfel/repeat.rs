@@ -1,7 +1,8 @@
 //! The same request gives the same bytes.
 
 use surfelcast_scene::{LoadOptions, ViewFile, demo, load_bytes};
-use surfelcast_techniques::{Change, SurfelSettings};
+use surfelcast_techniques::Change;
+use surfelcast_techniques::surfel::{SurfelSettings, cache_of};
 
 use crate::rig::{Rig, camera, gpu};
 use crate::scenes::{Paint, inside_of_box, scene};
@@ -45,12 +46,12 @@ fn a_full_cache_keeps_working_and_stays_finite() {
     let mut picture = rig.picture();
     let view = camera([0.1, 0.05, 0.2], [0.9, 0.2, -0.6]);
     let serials = || {
-        let cache = rig.session.surfels().unwrap();
+        let cache = cache_of(&rig.session).unwrap();
         let surfels = cache.lock().export(&gpu).unwrap();
         surfels.iter().map(|surfel| surfel.record.serial).collect::<Vec<_>>()
     };
     rig.frames(picture.as_mut(), view, 4);
-    let [live, capacity] = picture.surfels().unwrap();
+    let [live, capacity] = picture.occupancy().unwrap();
     println!("{live} of {capacity} surfels");
     assert_eq!(live, capacity);
     let before = serials();

@@ -2,8 +2,9 @@
 
 use surfelcast_gpu::Gpu;
 use surfelcast_scene::{Camera, Scene};
+use surfelcast_techniques::surfel::SurfelSettings;
 use surfelcast_techniques::technique::Technique;
-use surfelcast_techniques::{Change, LightBuffers, LightState, SurfelSettings};
+use surfelcast_techniques::{Change, LightBuffers, LightState};
 
 use crate::rig::{Rig, camera, gpu, mean, rmse};
 use crate::scenes::{Paint, inside_of_box, lamp, many_lamps, scene, upright};

@@ -5,10 +5,9 @@ use surfelcast_gpu::{Buffer, Gpu, GpuOptions};
 use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
 use surfelcast_shaders::layout::bytemuck;
+use surfelcast_techniques::surfel::SurfelSettings;
 use surfelcast_techniques::technique::{Technique, TechniqueOptions};
-use surfelcast_techniques::{
-    FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, SurfelSettings, registry,
-};
+use surfelcast_techniques::{FrameView, LightBuffers, LightState, MaterialMode, SceneBuffers, SessionState, registry};
 
 pub(crate) fn gpu() -> Gpu {
     Gpu::open(&GpuOptions::default()).unwrap()
@@ -59,10 +58,10 @@ impl<'a> Rig<'a> {
             is_split: self.is_split,
             seed,
             waits_for_kernels: true,
-            surfel: self.settings,
+            settings: self.settings.into(),
         };
         let entry = registry::by_id(technique).unwrap();
-        (entry.create)(self.gpu, &self.buffers, &self.lights, &self.session, options).unwrap()
+        entry.start(self.gpu, &self.buffers, &self.lights, &self.session, options).unwrap()
     }
 
     /// Renders until the image has `frames` frames. Returns the number of secondary rays, without shadow rays.

@@ -4,9 +4,9 @@
 use surfelcast_gpu::Gpu;
 use surfelcast_passes::step::StepBudget;
 use surfelcast_scene::{Camera, Scene};
-use surfelcast_techniques::surfel::{Estimator, Reconstruction};
+use surfelcast_techniques::FrameView;
+use surfelcast_techniques::surfel::{Estimator, Reconstruction, SurfelSettings};
 use surfelcast_techniques::technique::{Change, Technique};
-use surfelcast_techniques::{FrameView, SurfelSettings};
 
 use crate::reconstruction::room;
 use crate::rig::{Rig, camera, gpu, tone_mapped_rmse};

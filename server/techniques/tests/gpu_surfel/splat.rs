@@ -2,8 +2,9 @@
 
 use surfelcast_gpu::Buffer;
 use surfelcast_scene::{Camera, LoadOptions, Scene, ViewFile, demo, load_bytes};
+use surfelcast_techniques::FrameView;
+use surfelcast_techniques::surfel::{Apply, SurfelSettings, cache_of};
 use surfelcast_techniques::technique::Technique;
-use surfelcast_techniques::{Apply, FrameView, SurfelSettings};
 
 use crate::rig::{Rig, gpu, mean};
 
@@ -22,7 +23,7 @@ fn demo_scene(name: &str) -> (Scene, Camera) {
 
 fn applied(rig: &Rig<'_>, picture: &dyn Technique, camera: Camera, apply: Apply) -> Vec<[f32; 4]> {
     let view = FrameView { camera, size: rig.size, exposure: 1.0 };
-    let cache = picture.surfel_cache().unwrap();
+    let cache = cache_of(&rig.session).unwrap();
     let mut cache = cache.lock();
     let (buffer, passes): (Buffer, _) =
         cache.apply(rig.gpu, &rig.buffers, &rig.lights, &view, picture.features(), 7, apply).unwrap();
@@ -102,11 +103,12 @@ fn images_by_boxes_share_the_cache_match_and_repeat() {
     let run = |apply: Apply, paths: u64| {
         let mut rig = Rig::new(&gpu, &scene, SurfelSettings::BALANCED, [64, 48]);
         let mut first = rig.picture();
+        let cache_of_first = cache_of(&rig.session).unwrap();
         rig.frames(first.as_mut(), view, 12);
         rig.settings = SurfelSettings { apply, ..SurfelSettings::BALANCED };
         let mut second = rig.picture();
         assert!(
-            std::sync::Arc::ptr_eq(&first.surfel_cache().unwrap(), &second.surfel_cache().unwrap()),
+            std::sync::Arc::ptr_eq(&cache_of_first, &cache_of(&rig.session).unwrap()),
             "both ways of applying share one cache"
         );
         rig.frames_in_pieces(second.as_mut(), view, 4, paths);

@@ -32,7 +32,7 @@ use crate::surfel::settings::SurfelSettings;
 pub(crate) use self::cameras::CacheCamera;
 pub use self::neighbours::MeasuredDifference;
 pub(crate) use self::neighbours::{DIFFERENCE_KERNELS, KERNELS, SOLVE_KERNELS, VALUE_KERNELS};
-pub use self::snapshot::{ExportedSurfel, SnapshotError, SnapshotIdentity};
+pub use self::snapshot::{ExportedSurfel, SnapshotError};
 pub(crate) use self::spawn::SpawnRequest;
 pub(crate) use self::work::{Work, count_rays};
 

@@ -12,12 +12,15 @@ use flate2::write::ZlibEncoder;
 use sha2::{Digest as _, Sha256};
 use surfelcast_gpu::{Buffer, Gpu, GpuError};
 use surfelcast_passes::upload::SceneBuffers;
+use surfelcast_render_api::Settings;
+use surfelcast_render_api::identity::identity;
 use surfelcast_shaders::constants::SURFEL_TILE_WORDS;
 use surfelcast_shaders::layout::bytemuck::{self, Pod};
 use surfelcast_shaders::records::{SurfelEdge, SurfelLight, SurfelOutput, SurfelRecord};
 
 use super::SurfelCache;
 use super::neighbours::EDGE_SLOTS;
+use crate::session::SnapshotIdentity;
 use crate::surfel::settings::SurfelSettings;
 
 const MAGIC: [u8; 8] = *b"surfels\0";
@@ -28,15 +31,6 @@ const HEADER_BYTES: usize = 8 + 4 + 3 * 32 + 4 * 4;
 const HASH_BYTES: usize = 32;
 /// Bytes of one readback.
 const CHUNK_BYTES: u64 = 32 << 20;
-
-/// What a snapshot belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SnapshotIdentity {
-    /// Hash of the scene.
-    pub scene: [u8; 32],
-    /// Hash of the lights.
-    pub lights: [u8; 32],
-}
 
 /// Why a snapshot was refused.
 #[derive(Debug, thiserror::Error)]
@@ -291,7 +285,8 @@ fn check(content: Content, column: &[u8], live: u32, scene: &SceneBuffers) -> Re
 }
 
 fn settings_hash(settings: &SurfelSettings) -> [u8; 32] {
-    Sha256::digest(format!("{:?}", settings.of_content())).into()
+    // Settings are a map of names, which always encodes.
+    identity(&Settings::from(settings.of_content())).unwrap_or_default()
 }
 
 /// The first `count` items of a buffer.

@@ -13,9 +13,9 @@ use surfelcast_shaders::Features;
 use surfelcast_shaders::layout::bytemuck;
 use surfelcast_shaders::records::{FrameUniforms, SurfelUniforms};
 
+use crate::surfel::ViewOptions;
 use crate::surfel::cache::{SurfelCache, Work};
 use crate::surfel::settings::{ImageScheme, Reconstruction};
-use crate::technique::TechniqueOptions;
 
 /// Kernels of the reconstruction in the image, with those of the neighbours.
 pub(in crate::surfel) const KERNELS: &[&str] = &["image_slopes", "image_gather"];
@@ -57,7 +57,7 @@ pub(crate) struct ImageReconstruction {
 
 impl ImageReconstruction {
     /// `None` where these options choose another reconstruction.
-    pub(crate) fn new(gpu: &Gpu, options: &TechniqueOptions) -> Result<Option<Self>, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, options: &ViewOptions) -> Result<Option<Self>, GpuError> {
         if options.surfel.reconstruction != Reconstruction::Image {
             return Ok(None);
         }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use surfelcast_gpu::{Buffer, Gpu, GpuError, MemoryKind};
 use surfelcast_passes::counters;
-use surfelcast_passes::direct_light::{DirectLight, DirectLightOptions, EarlierFrame};
+use surfelcast_passes::direct_light::{DirectLight, DirectLightOptions};
 use surfelcast_passes::features::{features_for, general_features};
 use surfelcast_passes::frame::FrameView;
 use surfelcast_passes::kernels::KernelSet;
@@ -25,18 +25,19 @@ pub(super) use self::budget::{Budget, UpdateChoice};
 pub(super) use self::image::{Gathered, ImageReconstruction};
 pub use self::inspect::SurfelOutput;
 pub(super) use self::splat::{SPLAT, Splat};
-use crate::session::SessionState;
 use crate::surfel::cache::SurfelCache;
 use crate::surfel::frame::Stage;
-use crate::surfel::kernels_for;
-use crate::technique::{Change, Technique, TechniqueError, TechniqueOptions};
+use crate::surfel::outputs::{REFLECTION, seen_by_id};
+use crate::surfel::session::SurfelSession;
+use crate::surfel::{ViewOptions, kernels_for};
+use crate::technique::{Change, EarlierFrame, OutputImage, Technique, TechniqueError};
 
 /// Kernels of the reconstruction in the image.
 pub(super) use self::image::KERNELS as IMAGE_KERNELS;
 
 /// A view with what it has accumulated.
 pub(super) struct SurfelView {
-    pub(super) options: TechniqueOptions,
+    pub(super) options: ViewOptions,
     pub(super) kernels: KernelSet,
     pub(super) cache: Arc<Mutex<SurfelCache>>,
     /// Number of the view's camera in the cache.
@@ -76,8 +77,8 @@ impl SurfelView {
         gpu: &Gpu,
         scene: &SceneBuffers,
         lights: &LightBuffers,
-        session: &SessionState,
-        options: TechniqueOptions,
+        session: &SurfelSession,
+        options: ViewOptions,
     ) -> Result<Self, GpuError> {
         let splat = Splat::new(gpu, options.surfel.apply, options.size)?;
         let features = features_for(&scene.summary, options.materials, lights.punctual_count > 0, options.is_split)
@@ -86,16 +87,14 @@ impl SurfelView {
         let kernels = KernelSet::new(gpu, kernels_for(&options.surfel), features, general, options.waits_for_kernels)?;
         let pixels = u64::from(options.size[0]) * u64::from(options.size[1]);
         let view_buffer = |label| gpu.buffer(label, MemoryKind::View, pixels * 16);
-        let [full_width, full_height] = options.full_size;
-        let full_pixels = full_width.saturating_mul(full_height);
-        let cache = session.surfel_cache(gpu, scene, options.materials, options.surfel, full_pixels, options.seed)?;
+        let cache = session.cache(gpu, scene, &options)?;
         let camera = cache.lock().add_camera(options.surfel.pins);
         let radius_pixels = options.surfel.radius_pixels;
         Ok(Self {
             kernels,
             cache,
             camera,
-            budget: Budget::new(options.size, full_height, radius_pixels, options.surfel.rays_per_pixel),
+            budget: Budget::new(options.size, options.full_size[1], radius_pixels, options.surfel.rays_per_pixel),
             seen_update: 0,
             stage: Stage::Start,
             frames: 0,
@@ -180,11 +179,13 @@ impl Technique for SurfelView {
     }
 
     fn leave_frame(&mut self) -> Option<EarlierFrame> {
-        self.light.leave()
+        self.light.leave().map(|frame| -> EarlierFrame { Box::new(frame) })
     }
 
     fn take_frame(&mut self, earlier: EarlierFrame) {
-        self.light.take(earlier);
+        if let Ok(earlier) = earlier.downcast() {
+            self.light.take(*earlier);
+        }
     }
 
     fn picture(&self) -> &Buffer {
@@ -201,19 +202,30 @@ impl Technique for SurfelView {
         self.split.as_ref().map(|(irradiance, _)| (&self.direct, reconstructed.unwrap_or(irradiance)))
     }
 
-    fn reflection(&self) -> Option<&Buffer> {
-        self.split.as_ref().map(|(_, reflection)| reflection)
-    }
-
-    fn surfel_cache(&self) -> Option<Arc<Mutex<SurfelCache>>> {
-        Some(Arc::clone(&self.cache))
+    fn output(
+        &self,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        lights: &LightBuffers,
+        view: &FrameView,
+        id: &str,
+        is_shown: bool,
+    ) -> Result<Option<OutputImage>, TechniqueError> {
+        if id == REFLECTION {
+            let reflection = self.split.as_ref().map(|(_, reflection)| reflection.clone());
+            return Ok(reflection.map(|buffer| OutputImage { buffer, passes: Vec::new(), is_light: true }));
+        }
+        let Some(output) = seen_by_id(id) else { return Ok(None) };
+        let features = self.kernels.features();
+        let (buffer, passes) = self.cache.lock().look(gpu, scene, lights, view, features, output, is_shown)?;
+        Ok(Some(OutputImage { buffer, passes, is_light: output == SurfelOutput::Irradiance }))
     }
 
     fn features(&self) -> Features {
         self.kernels.features()
     }
 
-    fn surfels(&self) -> Option<[u32; 2]> {
+    fn occupancy(&self) -> Option<[u32; 2]> {
         Some(self.cache.lock().counts())
     }
 }

@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use surfelcast_renderer::ExportedSurfel;
 use surfelcast_scene::geometry::unpack_octahedral;
+
+use crate::surfel::cache::ExportedSurfel;
 
 const PROPERTIES: [(&str, &str); 16] = [
     ("double", "x"),
@@ -25,7 +26,7 @@ const PROPERTIES: [(&str, &str); 16] = [
     ("float", "age"),
 ];
 
-/// The file's bytes. Positions are in world space, metres; B is a radiance, albedo left out.
+/// The file's bytes. Positions are in world space, metres; `b_` is irradiance over pi, albedo left out.
 pub(crate) fn encode(surfels: &[ExportedSurfel], origin: DVec3) -> Vec<u8> {
     let mut header = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", surfels.len());
     for (kind, name) in PROPERTIES {
