@@ -47,6 +47,62 @@ export interface Caps {
   reduced_motion: boolean;
 }
 
+/** A control message with its optional request id, which the answer repeats. */
+export type ClientMessage = {
+  /** Request id chosen by the client. */
+  id?: number | null;
+} & (
+  /** The first message, due within [`crate::limits::Limits::hello_timeout_ms`]. */
+  | ({ t: 'hello' } & Hello)
+  /** New camera of a view. */
+  | ({ t: 'camera' } & CameraInput)
+  /** Edit of the session's lights. */
+  | ({ t: 'light' } & LightInput)
+  /** New settings of a view. */
+  | ({ t: 'view.set' } & ViewSet)
+  /** Acknowledges a frame and all before it. */
+  | ({ t: 'ack' } & Ack)
+  /** Requests a still of the present frame. */
+  | {
+    t: 'still';
+    /** View. */
+    view: number;
+  }
+  /** Which surface is at a point of the last acknowledged frame; answered by `picked`. */
+  | {
+    t: 'pick';
+    /** View. */
+    view: number;
+    /** Horizontal position, 0 (left) to 1. */
+    x: number;
+    /** Vertical position, 0 (top) to 1. */
+    y: number;
+  }
+  /** What lights the surface at a point of the last acknowledged frame, as a technique explains it; answered by
+   * `inspected`. */
+  | {
+    t: 'inspect';
+    /** View. */
+    view: number;
+    /** Horizontal position, 0 (left) to 1. */
+    x: number;
+    /** Vertical position, 0 (top) to 1. */
+    y: number;
+  }
+  /** Application-level ping; answered by `pong` with the same `ts`. */
+  | {
+    t: 'ping';
+    /** Client's monotonic milliseconds. */
+    ts: number;
+  }
+  /** Answer to the server's `ping`. */
+  | {
+    t: 'pong';
+    /** The server's `ts`. */
+    ts: number;
+  }
+);
+
 /** Image codec; the number is the header's `codec` byte. */
 export type Codec = 'jpeg' | 'webp' | 'png';
 
@@ -91,7 +147,7 @@ export interface Field {
 }
 
 /** A number, or three of them: a colour or a vector. */
-export type FieldValue = number | number | Vec3;
+export type FieldValue = number | Vec3;
 
 /** What a client states about itself. */
 export interface Hello {
@@ -256,6 +312,83 @@ export interface Row {
   values: FieldValue[];
 }
 
+/** A control message from the server. */
+export type ServerMessage =
+  /** Answer to `hello`. */
+  | ({ t: 'welcome' } & Welcome)
+  /** The lights of the session, after `welcome` and after every edit by any member. */
+  | {
+    t: 'lights';
+    /** Factor on emissive surfaces. */
+    emissive_strength: number;
+    /** Factor on the environment. */
+    environment_strength: number;
+    /** Whether the scene has an environment. */
+    has_environment: boolean;
+    /** Punctual lights, the scene's own first. */
+    lights: Light[];
+    /** Scene revision that contains the change. */
+    scene_rev: number;
+  }
+  /** How a view is served, so that the user interface can say why the image is soft. At most twice a second. */
+  | ({ t: 'stats' } & Stats)
+  /** An event that the user should know of. */
+  | {
+    t: 'notice';
+    /** Text for people. */
+    detail: string;
+    /** What happened. */
+    kind: NoticeKind;
+  }
+  /** A request with an id was carried out. */
+  | {
+    t: 'ok';
+    /** The request's id. */
+    re: number;
+  }
+  /** Answer to `pick`. */
+  | {
+    t: 'picked';
+    /** Name of the object. */
+    object?: string | null;
+    /** World position of the surface; absent where the ray leaves the scene. */
+    position?: Vec3 | null;
+    /** The request's id. */
+    re?: number | null;
+  }
+  /** Answer to `inspect`. */
+  | {
+    t: 'inspected';
+    /** What lights the point; null where the ray leaves the scene or no technique of the session knows of it. */
+    inspection: Inspection | null;
+    /** The request's id. */
+    re?: number | null;
+  }
+  /** A message was refused; the connection stays. */
+  | {
+    t: 'error';
+    /** Machine-readable code, the same registry as HTTP problems. */
+    code: string;
+    /** Text for people: the field, the limit, the remedy. */
+    detail: string;
+    /** The request's id, where it had one. */
+    re?: number | null;
+  }
+  /** Application-level ping. */
+  | {
+    t: 'ping';
+    /** Server's monotonic milliseconds. */
+    ts: number;
+  }
+  /** Answer to the client's `ping`. */
+  | {
+    t: 'pong';
+    /** Server's monotonic milliseconds. */
+    server_ms: number;
+    /** The client's `ts`. */
+    ts: number;
+  };
+
 /** The session a connection joined. */
 export interface SessionInfo {
   /** Rises when the render device was lost and rebuilt. */
@@ -414,137 +547,3 @@ export interface Welcome {
   /** Warnings of the scene's import. */
   warnings: string[];
 }
-
-/** A control message from the server. */
-export type ServerMessage = (
-  /** Answer to `hello`. */
-  | ({ t: 'welcome' } & Welcome)
-  /** The lights of the session, after `welcome` and after every edit by any member. */
-  | {
-    t: 'lights';
-    /** Factor on emissive surfaces. */
-    emissive_strength: number;
-    /** Factor on the environment. */
-    environment_strength: number;
-    /** Whether the scene has an environment. */
-    has_environment: boolean;
-    /** Punctual lights, the scene's own first. */
-    lights: Light[];
-    /** Scene revision that contains the change. */
-    scene_rev: number;
-  }
-  /** How a view is served, so that the user interface can say why the image is soft. At most twice a second. */
-  | ({ t: 'stats' } & Stats)
-  /** An event that the user should know of. */
-  | {
-    t: 'notice';
-    /** Text for people. */
-    detail: string;
-    /** What happened. */
-    kind: NoticeKind;
-  }
-  /** A request with an id was carried out. */
-  | {
-    t: 'ok';
-    /** The request's id. */
-    re: number;
-  }
-  /** Answer to `pick`. */
-  | {
-    t: 'picked';
-    /** Name of the object. */
-    object?: string | null;
-    /** World position of the surface; absent where the ray leaves the scene. */
-    position?: Vec3 | null;
-    /** The request's id. */
-    re?: number | null;
-  }
-  /** Answer to `inspect`. */
-  | {
-    t: 'inspected';
-    /** What lights the point; null where the ray leaves the scene or no technique of the session knows of it. */
-    inspection: Inspection | null;
-    /** The request's id. */
-    re?: number | null;
-  }
-  /** A message was refused; the connection stays. */
-  | {
-    t: 'error';
-    /** Machine-readable code, the same registry as HTTP problems. */
-    code: string;
-    /** Text for people: the field, the limit, the remedy. */
-    detail: string;
-    /** The request's id, where it had one. */
-    re?: number | null;
-  }
-  /** Application-level ping. */
-  | {
-    t: 'ping';
-    /** Server's monotonic milliseconds. */
-    ts: number;
-  }
-  /** Answer to the client's `ping`. */
-  | {
-    t: 'pong';
-    /** Server's monotonic milliseconds. */
-    server_ms: number;
-    /** The client's `ts`. */
-    ts: number;
-  }
-);
-
-/** A control message with its optional request id, which the answer repeats. */
-export type ClientMessage = {
-  /** Request id chosen by the client. */
-  id?: number | null;
-} & (
-  /** The first message, due within [`crate::limits::Limits::hello_timeout_ms`]. */
-  | ({ t: 'hello' } & Hello)
-  /** New camera of a view. */
-  | ({ t: 'camera' } & CameraInput)
-  /** Edit of the session's lights. */
-  | ({ t: 'light' } & LightInput)
-  /** New settings of a view. */
-  | ({ t: 'view.set' } & ViewSet)
-  /** Acknowledges a frame and all before it. */
-  | ({ t: 'ack' } & Ack)
-  /** Requests a still of the present frame. */
-  | {
-    t: 'still';
-    /** View. */
-    view: number;
-  }
-  /** Which surface is at a point of the last acknowledged frame; answered by `picked`. */
-  | {
-    t: 'pick';
-    /** View. */
-    view: number;
-    /** Horizontal position, 0 (left) to 1. */
-    x: number;
-    /** Vertical position, 0 (top) to 1. */
-    y: number;
-  }
-  /** What lights the surface at a point of the last acknowledged frame, as a technique explains it; answered by
-   * `inspected`. */
-  | {
-    t: 'inspect';
-    /** View. */
-    view: number;
-    /** Horizontal position, 0 (left) to 1. */
-    x: number;
-    /** Vertical position, 0 (top) to 1. */
-    y: number;
-  }
-  /** Application-level ping; answered by `pong` with the same `ts`. */
-  | {
-    t: 'ping';
-    /** Client's monotonic milliseconds. */
-    ts: number;
-  }
-  /** Answer to the server's `ping`. */
-  | {
-    t: 'pong';
-    /** The server's `ts`. */
-    ts: number;
-  }
-);
