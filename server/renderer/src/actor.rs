@@ -144,14 +144,14 @@ impl Actor {
                 }
             }
             Command::OpenView { session, view, state, slot, reply } => {
-                let result = if !self.sessions.contains_key(&session) {
-                    Err(RendererError::Unknown("the session"))
-                } else {
+                let result = if self.sessions.contains_key(&session) {
                     self.technique(&state.technique).map(|_| {
                         let used_secs = self.least_used();
                         let running = RunningView::new(self.config.techniques, session, state, slot, used_secs);
                         self.views.insert(view, running);
                     })
+                } else {
+                    Err(RendererError::Unknown("the session"))
                 };
                 let _ = reply.send(result);
             }
