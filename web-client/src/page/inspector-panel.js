@@ -1,6 +1,6 @@
 /**
- * What lights a point of the image, as the server explains it: figures of the point and the rows behind them. Shown while
- * the view's inspect mode is on.
+ * What lights a point of the image, as the server explains it: figures of the point and the rows behind them. Shown
+ * while the view's inspect mode is on.
  */
 
 import { h } from './dom.js';
