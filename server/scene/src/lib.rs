@@ -30,7 +30,7 @@ pub mod summary;
 pub mod trace;
 
 pub use asset::view::ViewFile;
-pub use asset::{AnimationRef, Instant, LoadOptions, SceneAsset, SceneId};
+pub use asset::{AnimationRef, Instant, LoadOptions, Mobility, SceneAsset, SceneId};
 pub use bounds::Bounds;
 pub use build::bvh;
 pub use camera::{Camera, NamedCamera};

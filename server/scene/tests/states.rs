@@ -9,7 +9,11 @@
 
 mod support;
 
-use surfelcast_scene::{AnimationRef, Instant, LoadOptions, Scene, SceneAsset, SceneState, load_bytes};
+use glam::Vec3;
+use serde_json::json;
+use surfelcast_scene::glb::GlbBuilder;
+use surfelcast_scene::trace::closest_hit;
+use surfelcast_scene::{AnimationRef, Instant, LoadOptions, Mobility, Scene, SceneAsset, SceneState, load_bytes};
 
 fn at(time_secs: f64) -> Instant {
     Instant { animation: AnimationRef::Index(0), time_secs }
@@ -62,4 +66,61 @@ fn instants_share_the_id_and_not_the_key() {
         assert!(others.clone().all(|other| other.key() != scene.key() && other.key().to_string() != name), "{k}");
     }
     assert_eq!(scenes[0].key().to_string(), scenes[0].id.to_string(), "a scene without an instant is named by its id");
+}
+
+/// A still floor; an animated node with a mesh, a child with another mesh and a lamp below it.
+fn moving() -> Vec<u8> {
+    let mut glb = GlbBuilder::new();
+    let lamp = glb.push("materials", json!({"emissiveFactor": [1.0, 1.0, 1.0]}));
+    let plain = glb.push("materials", json!({}));
+    let mut triangle = |size: f32, material: usize| {
+        let position = glb.floats(&[[-size, 0.0, -size], [size, 0.0, -size], [0.0, 0.0, size]]);
+        glb.push("meshes", json!({"primitives": [{"attributes": {"POSITION": position}, "material": material}]}))
+    };
+    let [floor, mover, rider, bulb] =
+        [(9.0, plain), (1.0, plain), (0.5, plain), (0.25, lamp)].map(|(a, b)| triangle(a, b));
+    let times = glb.floats(&[[0.0f32], [1.0]]);
+    let moves = glb.floats(&[[0.0f32, 1.0, 0.0], [2.0, 3.0, 0.0]]);
+    let bulb = glb.push("nodes", json!({"name": "bulb", "mesh": bulb, "translation": [0, 2, 0]}));
+    let rider = glb.push("nodes", json!({"name": "rider", "mesh": rider, "translation": [0, 1, 0]}));
+    glb.root_node(json!({"name": "floor", "mesh": floor}));
+    let mover = glb.root_node(json!({"name": "mover", "mesh": mover, "children": [rider, bulb]}));
+    glb.push(
+        "animations",
+        json!({"samplers": [{"input": times, "output": moves}],
+            "channels": [{"sampler": 0, "target": {"node": mover, "path": "translation"}}]}),
+    );
+    glb.finish()
+}
+
+#[test]
+fn movable_nodes_are_instances_that_are_hit_where_copies_are() {
+    let bytes = moving();
+    let decode =
+        |mobility| SceneAsset::decode(&bytes, "moving", &LoadOptions { mobility, ..LoadOptions::default() }).unwrap();
+    let (fixed, animated) = (decode(Mobility::Fixed), decode(Mobility::Animated));
+    for time_secs in [0.0, 0.4, 1.0] {
+        let (copied, placed) = (shown(&fixed, Some(at(time_secs))), shown(&animated, Some(at(time_secs))));
+        support::check(&placed);
+        assert_eq!(copied.summary.instance_count, 1);
+        let geometry = &placed.geometry;
+        let names: Vec<&str> = (0u32..)
+            .zip(&geometry.instances)
+            .filter(|(index, _)| geometry.baked_instance != Some(*index))
+            .map(|(_, instance)| placed.node_names[instance.node as usize].as_str())
+            .collect();
+        assert!(names.len() == 2 && names.contains(&"mover") && names.contains(&"rider"), "{names:?}");
+        assert_eq!(copied.emissive_triangles, placed.emissive_triangles, "lights are copies in both");
+        let mut met = 0;
+        for (x, z) in (-60..60).flat_map(|x| (-60..60).map(move |z| (x as f32 * 0.1 + 0.013, z as f32 * 0.1 + 0.017))) {
+            let hit = |scene: &Scene| {
+                let above = Vec3::new(x, 50.0, z);
+                closest_hit(&scene.geometry, above, Vec3::NEG_Y, 0.0, f32::INFINITY).map(|hit| hit.t)
+            };
+            let (a, b) = (hit(&copied), hit(&placed));
+            met += u32::from(a.is_some());
+            assert!(a.is_some() == b.is_some() && a.zip(b).is_none_or(|(a, b)| (a - b).abs() < 1e-4), "{a:?} {b:?}");
+        }
+        assert!(met > 5000, "{met}");
+    }
 }

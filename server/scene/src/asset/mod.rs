@@ -42,6 +42,22 @@ pub struct LoadOptions {
     pub instant: Option<Instant>,
     /// Environment; overrides the view file's.
     pub environment: Option<Environment>,
+    /// Which nodes stay movable.
+    pub mobility: Mobility,
+}
+
+/// Which nodes stay movable after a scene is built: a rigid mesh at such a node becomes an instance, whose transform alone
+/// says where it is, instead of being copied into scene space.
+///
+/// An instance costs every ray that comes near it a transform and a hierarchy of its own, so nodes stay movable only where
+/// somebody moves them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mobility {
+    /// None: a scene shown at one instant.
+    #[default]
+    Fixed,
+    /// Nodes that an animation of the file moves, themselves or by an ancestor.
+    Animated,
 }
 
 /// A validated file: decoded once, then shown in any number of states ([`crate::SceneState`], [`crate::Scene::build`]).
@@ -65,6 +81,8 @@ pub struct SceneAsset<'f> {
     pub(crate) document: Document,
     buffers: Vec<Cow<'f, [u8]>>,
     pub(crate) tree: NodeTree,
+    /// By node index: whether the node may move.
+    pub(crate) may_move: Vec<bool>,
     pub(crate) materials: Vec<Material>,
     pub(crate) textures: Vec<Texture>,
     /// Meshes of nodes in the scene.
@@ -113,6 +131,10 @@ impl<'f> SceneAsset<'f> {
         let materials = material::load_materials(&document, &mut wanted, limits)?;
         let textures = wanted.load(&reader, &mut source, limits)?;
         let tree = NodeTree::walk(&document, limits)?;
+        let may_move = match options.mobility {
+            Mobility::Fixed => vec![false; document.nodes.len()],
+            Mobility::Animated => tree.animated(&document),
+        };
         let meshes = mesh::decode(&reader, &tree, &materials, limits, &mut warnings)?;
 
         let environment = options.environment.clone().or_else(|| view.environment.clone()).unwrap_or_default();
@@ -127,6 +149,7 @@ impl<'f> SceneAsset<'f> {
             document,
             buffers,
             tree,
+            may_move,
             materials,
             textures,
             meshes,
@@ -147,6 +170,7 @@ impl<'f> SceneAsset<'f> {
             limits: self.limits,
             document: self.document,
             tree: self.tree,
+            may_move: self.may_move,
             materials: self.materials,
             textures: self.textures,
             meshes: self.meshes,

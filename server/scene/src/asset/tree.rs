@@ -48,4 +48,20 @@ impl NodeTree {
         }
         Ok(tree)
     }
+
+    /// By node index: whether any animation of the file changes the node's transform or that of an ancestor.
+    pub(crate) fn animated(&self, document: &Document) -> Vec<bool> {
+        let mut is_animated = vec![false; document.nodes.len()];
+        for channel in document.animations.iter().flat_map(|animation| &animation.channels) {
+            let is_transform = matches!(channel.target.path.as_str(), "translation" | "rotation" | "scale");
+            if let Some(flag) = channel.target.node.filter(|_| is_transform).and_then(|n| is_animated.get_mut(n)) {
+                *flag = true;
+            }
+        }
+        for item in &self.nodes {
+            let parent = item.parent.map(|parent| self.nodes[parent].node);
+            is_animated[item.node] |= parent.is_some_and(|parent| is_animated[parent]);
+        }
+        is_animated
+    }
 }

@@ -1,4 +1,7 @@
 //! Decides for every placed mesh whether it is copied into scene space or instanced.
+//!
+//! A mesh is copied where it may not move and copies are few or small. Lights are always copied, since the light table
+//! holds them in scene space, as are skinned and morphed meshes, whose vertices are new in every state.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -51,9 +54,11 @@ pub(super) fn choose<'a>(asset: &SceneAsset<'_>, nodes: &'a Nodes) -> Result<Vec
         let is_emissive = parts.iter().any(|part| is_emissive(&asset.materials[part.material as usize]));
         let is_small = mesh_triangles.saturating_mul(uses_of_mesh[&mesh]) <= MAX_COPIED_TRIANGLES;
         let is_flat = DMat3::from_mat4(placed.world).determinant() == 0.0;
+        // few copies cost less than instances, unless they have to follow their node
+        let is_cheap = (uses_of_mesh[&mesh] == 1 || is_small) && !asset.may_move[placed.node];
         let placement = if is_deformed(asset, nodes, placed.node, mesh) {
             Placement::Deformed
-        } else if uses_of_mesh[&mesh] == 1 || is_emissive || is_small || is_flat {
+        } else if is_cheap || is_emissive || is_flat {
             Placement::Baked
         } else {
             Placement::Instanced
