@@ -95,7 +95,7 @@ const REQUIRED: GpuLimits = GpuLimits {
     buffer_bytes: 128 << 20,
     storage_binding_bytes: 128 << 20,
     uniform_binding_bytes: 16 << 10,
-    storage_buffers_per_kernel: 24,
+    storage_buffers_per_kernel: 25,
     bind_groups: 4,
     workgroup_invocations: 256,
     workgroup_storage_bytes: 16 << 10,
@@ -345,7 +345,7 @@ mod tests {
     fn each_limit_is_checked() {
         assert_eq!(REQUIRED.check(), Ok(()));
         let small = GpuLimits { storage_buffers_per_kernel: 4, ..REQUIRED };
-        assert_eq!(small.check(), Err("its limit storage_buffers_per_kernel is 4, at least 24 is needed".to_owned()));
+        assert_eq!(small.check(), Err("its limit storage_buffers_per_kernel is 4, at least 25 is needed".to_owned()));
         assert!(GpuLimits { uniform_alignment: 512, ..REQUIRED }.check().is_err());
     }
 }

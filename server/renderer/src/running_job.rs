@@ -1,6 +1,5 @@
 //! A batch render at work: steps of the technique until a stop rule holds, then the output.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use surfelcast_gpu::{Buffer, Gpu, MemoryKind};
@@ -40,7 +39,7 @@ pub(crate) struct RunningJob {
     entry: &'static TechniqueEntry,
     session: SessionState,
     view: FrameView,
-    scene: Arc<SceneBuffers>,
+    scene: SceneBuffers,
     lights: LightBuffers,
     progressive: Progressive,
     stop: StopPolicy,

@@ -1,16 +1,18 @@
 //! Scenes in device memory: admitted before upload, shared by content hash, evicted when memory is needed.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 use std::time::Instant;
 
 use surfelcast_gpu::Gpu;
+use surfelcast_passes::upload::StaticBuffers;
 use surfelcast_scene::{Scene, SceneKey};
 use surfelcast_techniques::SceneBuffers;
 
 use crate::error::RendererError;
 
-/// Uploaded scenes by id and state.
+/// What sessions and jobs share of each uploaded scene, by id and state.
 #[derive(Debug, Default)]
 pub(crate) struct SceneStore {
     scenes: BTreeMap<SceneKey, Resident>,
@@ -18,39 +20,42 @@ pub(crate) struct SceneStore {
 
 #[derive(Debug)]
 struct Resident {
-    buffers: Arc<SceneBuffers>,
+    statics: Arc<StaticBuffers>,
     used_at: Instant,
 }
 
 impl SceneStore {
-    /// The scene's buffers, uploaded if necessary. Unused scenes are evicted to make room, least recently used first.
-    pub(crate) fn get(&mut self, gpu: &Gpu, scene: &Scene) -> Result<Arc<SceneBuffers>, RendererError> {
-        if let Some(resident) = self.scenes.get_mut(&scene.key()) {
-            resident.used_at = Instant::now();
-            return Ok(Arc::clone(&resident.buffers));
-        }
+    /// The scene's buffers for one session or job: the shared ones, uploaded if necessary, and its own. Unused scenes
+    /// are evicted to make room, least recently used first.
+    pub(crate) fn get(&mut self, gpu: &Gpu, scene: &Scene) -> Result<SceneBuffers, RendererError> {
         self.admit(gpu, scene)?;
-        let buffers = Arc::new(SceneBuffers::new(gpu, scene)?);
-        self.scenes.insert(scene.key(), Resident { buffers: Arc::clone(&buffers), used_at: Instant::now() });
-        Ok(buffers)
+        let resident = match self.scenes.entry(scene.key()) {
+            Entry::Occupied(resident) => resident.into_mut(),
+            Entry::Vacant(slot) => {
+                let statics = Arc::new(StaticBuffers::new(gpu, scene)?);
+                slot.insert(Resident { statics, used_at: Instant::now() })
+            }
+        };
+        resident.used_at = Instant::now();
+        Ok(SceneBuffers::with_statics(gpu, scene, Arc::clone(&resident.statics))?)
     }
 
-    /// Makes room for a scene, or returns why it does not fit.
+    /// Makes room for what one more session or job of a scene needs, or returns why it does not fit.
     pub(crate) fn admit(&mut self, gpu: &Gpu, scene: &Scene) -> Result<(), RendererError> {
-        if self.scenes.contains_key(&scene.key()) {
-            return Ok(());
-        }
-        let needed = SceneBuffers::estimate_bytes(scene);
+        let key = scene.key();
+        let shared = if self.scenes.contains_key(&key) { 0 } else { StaticBuffers::estimate_bytes(scene) };
+        let needed = shared + SceneBuffers::estimate_own_bytes(scene);
         let budget = gpu.memory().budget_bytes;
         if needed > budget {
             return Err(RendererError::SceneTooLarge { field: "scene".to_owned(), needed, limit: budget });
         }
         while gpu.memory().free_bytes() < needed {
-            let idle = self.scenes.iter().filter(|(_, resident)| Arc::strong_count(&resident.buffers) == 1);
+            let is_idle = |id: &SceneKey, resident: &Resident| *id != key && Arc::strong_count(&resident.statics) == 1;
+            let idle = self.scenes.iter().filter(|(id, resident)| is_idle(id, resident));
             let Some(oldest) = idle.min_by_key(|(_, resident)| resident.used_at).map(|(id, _)| id.clone()) else {
                 return Err(RendererError::NoMemory { needed, free: gpu.memory().free_bytes() });
             };
-            tracing::info!(scene = %oldest, "dropped from device memory to make room");
+            tracing::info!(scene = %oldest, "evicted from device memory to make room");
             self.scenes.remove(&oldest);
         }
         Ok(())

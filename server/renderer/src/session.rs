@@ -17,10 +17,10 @@ use crate::snapshots;
 pub(crate) struct Session {
     pub(crate) scene: Arc<Scene>,
     pub(crate) lights: LightState,
-    /// Revision of the lights, returned in frames.
+    /// Revision of what the session shows, returned in frames.
     pub(crate) scene_rev: u32,
-    /// Scene and light table on the device; made when first needed.
-    on_device: Option<(Arc<SceneBuffers>, LightBuffers)>,
+    /// Scene and light table on the device; uploaded when first used.
+    on_device: Option<(SceneBuffers, LightBuffers)>,
     /// What its views share.
     pub(crate) shared: SessionState,
 }

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// One 8-wide compressed node (Ylitie et al. 2017), 80 bytes, in `obvhs`' own layout. `child_base_idx` indexes
-/// [`SceneGeometry::nodes`]; `primitive_base_idx` indexes [`SceneGeometry::bvh_triangles`] in bottom levels and
+/// the nodes of its own level; `primitive_base_idx` indexes [`SceneGeometry::bvh_triangles`] in bottom levels and
 /// [`SceneGeometry::instances`] in the top level.
 pub type BvhNode = obvhs::cwbvh::node::CwBvhNode;
 
@@ -96,10 +96,11 @@ pub struct Instance {
 /// All geometry of a scene.
 #[derive(Debug, Default)]
 pub struct SceneGeometry {
-    /// All nodes: bottom levels first, the top level last.
+    /// Nodes of the bottom levels, which hold triangles.
     pub nodes: Vec<BvhNode>,
-    /// Root of the top level in `nodes`. With a single instance the tracer may start at that instance's root instead.
-    pub top_root: u32,
+    /// Nodes of the top level, which holds instances; the first is the root. With a single instance the tracer starts at
+    /// that instance's root instead.
+    pub top_nodes: Vec<BvhNode>,
     /// Triangles in leaf order. With spatial splits one triangle may stand in several leaves.
     pub bvh_triangles: Vec<BvhTriangle>,
     /// Triangles in stable order.

@@ -1,8 +1,8 @@
 //! glTF in, validated CPU scene out.
 //!
 //! A [`SceneAsset`] is what a file says, decoded once; a [`SceneState`] is what may change (the instant of an animation);
-//! a [`Scene`] is built from both, immutable, and laid out the way the GPU reads it: one node array holding the
-//! bottom-level hierarchies and the top-level one, triangles in leaf order, packed vertices, materials, lights. The crate
+//! a [`Scene`] is built from both, immutable, and laid out the way the GPU reads it: bottom-level hierarchies
+//! and the top-level one, triangles in leaf order, packed vertices, materials, lights. The crate
 //! knows no GPU and no async runtime.
 //!
 //! Spaces: *world* is the file's own space in metres (`f64` on the CPU); *scene* space is world minus [`Scene::origin`],

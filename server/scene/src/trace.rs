@@ -71,7 +71,7 @@ fn visit(
     match scene.instances.len() {
         0 => false,
         1 => enter(0, limit),
-        _ => traverse(&scene.nodes, scene.top_root, &Ray::new(origin, direction), t_min, limit, enter),
+        _ => traverse(&scene.top_nodes, 0, &Ray::new(origin, direction), t_min, limit, enter),
     }
 }
 

@@ -68,23 +68,30 @@ fn instants_share_the_id_and_not_the_key() {
     assert_eq!(scenes[0].key().to_string(), scenes[0].id.to_string(), "a scene without an instant is named by its id");
 }
 
-/// A still floor; an animated node with a mesh, a child with another mesh and a lamp below it.
-fn moving() -> Vec<u8> {
+/// A still floor with two small triangles far away, which hold the bounds; an animated node with a mesh, a child with
+/// another mesh and, if `has_lamp`, a lamp below it.
+fn moving(has_lamp: bool) -> Vec<u8> {
     let mut glb = GlbBuilder::new();
     let lamp = glb.push("materials", json!({"emissiveFactor": [1.0, 1.0, 1.0]}));
     let plain = glb.push("materials", json!({}));
-    let mut triangle = |size: f32, material: usize| {
-        let position = glb.floats(&[[-size, 0.0, -size], [size, 0.0, -size], [0.0, 0.0, size]]);
+    let triangle = |center: [f32; 3], size: f32| {
+        [[-size, -size], [size, -size], [0.0, size]].map(|[x, z]| [center[0] + x, center[1], center[2] + z])
+    };
+    let mut mesh = |triangles: &[[[f32; 3]; 3]], material: usize| {
+        let position = glb.floats(triangles.as_flattened());
         glb.push("meshes", json!({"primitives": [{"attributes": {"POSITION": position}, "material": material}]}))
     };
-    let [floor, mover, rider, bulb] =
-        [(9.0, plain), (1.0, plain), (0.5, plain), (0.25, lamp)].map(|(a, b)| triangle(a, b));
+    let around = [triangle([0.0; 3], 9.0), triangle([-30.0; 3], 0.1), triangle([30.0; 3], 0.1)];
+    let floor = mesh(&around, plain);
+    let [mover, rider] = [1.0, 0.5].map(|size| mesh(&[triangle([0.0; 3], size)], plain));
+    let bulb = mesh(&[triangle([0.0; 3], 0.25)], if has_lamp { lamp } else { plain });
     let times = glb.floats(&[[0.0f32], [1.0]]);
     let moves = glb.floats(&[[0.0f32, 1.0, 0.0], [2.0, 3.0, 0.0]]);
     let bulb = glb.push("nodes", json!({"name": "bulb", "mesh": bulb, "translation": [0, 2, 0]}));
     let rider = glb.push("nodes", json!({"name": "rider", "mesh": rider, "translation": [0, 1, 0]}));
+    let children = if has_lamp { vec![rider, bulb] } else { vec![rider] };
     glb.root_node(json!({"name": "floor", "mesh": floor}));
-    let mover = glb.root_node(json!({"name": "mover", "mesh": mover, "children": [rider, bulb]}));
+    let mover = glb.root_node(json!({"name": "mover", "mesh": mover, "children": children}));
     glb.push(
         "animations",
         json!({"samplers": [{"input": times, "output": moves}],
@@ -94,8 +101,21 @@ fn moving() -> Vec<u8> {
 }
 
 #[test]
+fn moving_rigid_nodes_changes_instances_and_the_top_level_alone() {
+    let bytes = moving(false);
+    let options = LoadOptions { mobility: Mobility::Animated, ..LoadOptions::default() };
+    let asset = SceneAsset::decode(&bytes, "moving", &options).unwrap();
+    let (before, after) = (shown(&asset, Some(at(0.2))), shown(&asset, Some(at(0.9))));
+    assert_eq!(before.origin, after.origin);
+    let (a, b) = (&before.geometry, &after.geometry);
+    assert_eq!(format!("{:?}", a.bvh_triangles), format!("{:?}", b.bvh_triangles));
+    assert!(a.nodes == b.nodes && a.vertices == b.vertices && a.geometries == b.geometries);
+    assert!(a.top_nodes != b.top_nodes && a.instances != b.instances);
+}
+
+#[test]
 fn movable_nodes_are_instances_that_are_hit_where_copies_are() {
-    let bytes = moving();
+    let bytes = moving(true);
     let decode =
         |mobility| SceneAsset::decode(&bytes, "moving", &LoadOptions { mobility, ..LoadOptions::default() }).unwrap();
     let (fixed, animated) = (decode(Mobility::Fixed), decode(Mobility::Animated));

@@ -78,8 +78,7 @@ fn compare(scene: &Scene, features: Features) {
     let rays = rays(scene);
     let ray_buffer = gpu.buffer("rays", MemoryKind::Scene, size_of_val(rays.as_slice()) as u64).expect("fits");
     gpu.upload(&ray_buffer, 0, bytemuck::cast_slice(&rays)).expect("uploads");
-    let first_root = scene.geometry.instances.first().map_or(0, |instance| instance.root_node);
-    let root = if features.contains(Features::INSTANCES) { scene.geometry.top_root } else { first_root };
+    let root = buffers.traversal_root(features);
     let hits: Vec<[u32; 2]> = device::run(&gpu, &kernel, "hits", RAYS, |pass| {
         buffers.bind(pass).uniform("batch", bytemuck::bytes_of(&[RAYS, root, 0, 0])).read("rays", &ray_buffer)
     });

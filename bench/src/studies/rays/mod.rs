@@ -113,14 +113,14 @@ impl Tracer {
     fn new(gpu: &Gpu, scene: &Scene, rays: &[Ray]) -> Result<Self, Failure> {
         let has_instances = scene.summary.has_instances;
         let features = if has_instances { Features::INSTANCES } else { Features::NONE };
-        let first_root = scene.geometry.instances.first().map_or(0, |instance| instance.root_node);
         let buffer = gpu.buffer("rays", MemoryKind::Scene, size_of_val(rays) as u64)?;
         gpu.upload(&buffer, 0, bytemuck::cast_slice(rays))?;
+        let buffers = SceneBuffers::new(gpu, scene)?;
         Ok(Self {
             gpu: gpu.clone(),
             kernel: gpu.kernel_from_source("trace_rays", KERNEL, features)?,
-            scene: SceneBuffers::new(gpu, scene)?,
-            top_root: if has_instances { scene.geometry.top_root } else { first_root },
+            top_root: buffers.traversal_root(features),
+            scene: buffers,
             rays: buffer,
             hits: gpu.buffer("hits", MemoryKind::Scene, 8 * rays.len() as u64)?,
             count: rays.len() as u32,

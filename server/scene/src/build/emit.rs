@@ -238,7 +238,7 @@ impl<'a> Emit<'a> {
         }
         let top = bvh::build_bounds(&placed.iter().map(|(_, bounds, _)| *bounds).collect::<Vec<_>>());
         within("levels of the top hierarchy", u64::from(top.depth), u64::from(bvh::MAX_TOP_DEPTH))?;
-        self.geometry.top_root = self.append_nodes(&top, 0);
+        self.geometry.top_nodes = top.nodes;
         self.geometry.instances = top.order.iter().map(|&slot| placed[slot as usize].0).collect();
         self.geometry.baked_instance = top.order.iter().position(|&slot| placed[slot as usize].2).map(|k| k as u32);
         self.geometry.stack_depth = top.depth + bottom_depth;

@@ -199,9 +199,11 @@ pub(crate) fn check(scene: &Scene) {
         assert!((triangle.triangle as usize) < geometry.triangles.len());
         assert!([triangle.v0, triangle.v1, triangle.v2].as_flattened().iter().all(|x| x.is_finite()));
     }
-    for node in &geometry.nodes {
-        let inner = node.imask.count_ones();
-        assert!(inner == 0 || (node.child_base_idx + inner) as usize <= geometry.nodes.len());
+    for level in [&geometry.nodes, &geometry.top_nodes] {
+        for node in level {
+            let inner = node.imask.count_ones();
+            assert!(inner == 0 || (node.child_base_idx + inner) as usize <= level.len());
+        }
     }
     for instance in &geometry.instances {
         assert!((instance.root_node as usize) < geometry.nodes.len());
