@@ -78,7 +78,7 @@ fn a_cache_too_large_for_the_device_does_not_end_a_study() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_surfelcast-bench"));
     command.args(["densities", "--scene", "demo:cornell_box", "--size", "16x12"]);
-    command.args(["--surfel", "capacity=4194304,65536", "--surfel", "radius=6"]);
+    command.args(["--set", "capacity=4194304,65536", "--set", "radius=6"]);
     command.args(["--samples", "1", "--replicates", "1", "--truth-spp", "16"]);
     command.arg("--docs").arg(folder.path()).arg("--out").arg(folder.path());
     let output = command.output().unwrap();
@@ -92,7 +92,7 @@ fn a_cache_too_large_for_the_device_does_not_end_a_study() {
 fn bad_requests_end_with_two_before_anything_is_rendered() {
     let folder = tempfile::tempdir().unwrap();
     for (bad, names) in [
-        (["--surfel", "radius=99"], "--surfel radius=99"),
+        (["--set", "radius=99"], "--set radius=99"),
         (["--reconstruction", "magic"], "--reconstruction magic"),
         (["--reference", "nowhere.exr"], "nowhere.exr"),
     ] {
