@@ -50,7 +50,7 @@ impl Programs {
     }
 
     pub(super) fn radius(&self, reference: &Reference, radius: &str) -> Result<Outcome, MeasureError> {
-        let program = with(&self.surfel, &["--surfel", &format!("radius={radius}")]);
+        let program = with(&self.surfel, &["--set", &format!("radius={radius}")]);
         let [early, late] = [program.measure(reference, FRAMES[0])?, program.measure(reference, FRAMES[1])?];
         Ok(Outcome::Radius { noise: reference.noise_rmse, early, late })
     }
