@@ -26,19 +26,32 @@ async function click(page, x, y) {
 
 test('the view shows an output and goes back to radiance', onStage(async ({ page, server }) => {
   const show = page.getByLabel('Show', { exact: true });
-  assert.deepEqual(await show.locator('option').allInnerTexts(), ['Radiance', 'Normal', 'Surfels: coverage']);
+  const panel = page.locator('#view-panel');
+  assert.deepEqual(await show.locator('option').allInnerTexts(), ['Radiance', 'Normal', 'Variance']);
   assert.equal('aov' in server.received('view.set')[0], false, 'no output is sent before one is chosen');
-  await show.selectOption({ label: 'Surfels: coverage' });
-  await until('the setting', () => server.received('view.set').at(-1).aov === 'surfel_coverage');
+  await show.selectOption({ label: 'Variance' });
+  await until('the setting', () => server.received('view.set').at(-1).aov === 'variance');
+  await panel.getByText('Variance of the mean.').waitFor();
   await until('its image', async () => (await colorAt(page, 0.5, 0.3)).join() === '20,200,40');
   server.client.socket.terminate();
   await until('a new connection', () => server.received('hello').length === 2 && server.received('view.set').at(-1).w);
-  assert.equal(server.received('view.set').at(-1).aov, 'surfel_coverage', 'the setting outlives the connection');
-  await until('the choice too', async () => (await show.inputValue()) === 'surfel_coverage');
+  assert.equal(server.received('view.set').at(-1).aov, 'variance', 'the setting outlives the connection');
+  await until('the choice too', async () => (await show.inputValue()) === 'variance');
   await show.selectOption({ label: 'Radiance' });
   await until('radiance again', () => server.received('view.set').at(-1).aov === null);
   await until('the former image', async () => (await colorAt(page, 0.5, 0.3)).join() !== '20,200,40');
   await hasConverged(page);
+}));
+
+test('outputs of one technique are offered with it alone', onStage(async ({ page, server }) => {
+  const show = page.getByLabel('Show', { exact: true });
+  await page.getByLabel('Technique').selectOption('cache');
+  assert.deepEqual(await show.locator('option').allInnerTexts(), ['Radiance', 'Normal', 'Variance', 'Coverage']);
+  await show.selectOption({ label: 'Coverage' });
+  await until('the setting', () => server.received('view.set').at(-1).aov === 'cache_coverage');
+  await page.getByLabel('Technique').selectOption('path');
+  await until('radiance again', () => server.received('view.set').at(-1).aov === null);
+  assert.equal(await show.inputValue(), '');
 }));
 
 test('without outputs there is nothing to choose', onStage(

@@ -179,15 +179,33 @@ test('exposure is sent as a factor, technique by its id, and both survive a reco
     await exposure.fill('2');
     await exposure.press('Enter');
     await until('the factor', () => server.received('view.set').at(-1).exposure === 4);
-    await page.getByLabel('Technique').selectOption('surfel');
-    await until('the technique', () => server.received('view.set').at(-1).technique === 'surfel');
+    await page.getByLabel('Technique').selectOption('cache');
+    await until('the technique', () => server.received('view.set').at(-1).technique === 'cache');
     assert.match(await page.locator('#view-panel').innerText(), /Persistent cache of indirect light/);
     server.client.socket.terminate();
     await until('a new connection', () => server.received('hello').length === 2 && server.received('view.set').at(-1).w);
     const settings = server.received('view.set').at(-1);
-    assert.deepEqual([settings.exposure, settings.technique], [4, 'surfel']);
+    assert.deepEqual([settings.exposure, settings.technique], [4, 'cache']);
   },
 ));
+
+test('settings and presets of a technique are shown from their descriptors', onStage(async ({ page }) => {
+  const panel = page.locator('#view-panel');
+  assert.equal(await panel.getByText(/\d+ settings?/).isVisible(), false, 'the first technique has none');
+  await page.getByLabel('Technique').selectOption('cache');
+  await panel.getByText('3 settings').click();
+  const rows = async () => (await panel.locator('.settings > div').allInnerTexts()).map((text) => text.replace(/\s+/g, ' '));
+  assert.deepEqual(await rows(), [
+    'Radius radius 5 pixels 1.5 to 32: Smaller shows more detail.',
+    'Depth depth on on or off: Respects walls.',
+    'Grid grid cascades cascades, trapezoidal: How records are found.',
+  ]);
+  await page.getByLabel('Preset').selectOption('high');
+  assert.deepEqual((await rows()).map((row) => row.split(' ')[2]), ['3', 'on', 'trapezoidal']);
+  assert.equal(await panel.locator('.settings > .changed').count(), 2);
+  await page.getByLabel('Technique').selectOption('path');
+  assert.equal(await panel.getByText('3 settings').isVisible(), false);
+}));
 
 test('import warnings are shown', onStage(async ({ page }) => {
   const warnings = page.locator('.warnings');

@@ -50,6 +50,13 @@ export function inspectionOf(count) {
   };
 }
 
+/** Settings of the fake server's second technique: one of each kind. */
+const SETTINGS = [
+  { id: 'radius', label: 'Radius', help: 'Smaller shows more detail.', unit: 'pixels', kind: 'number', default: 5, range: [1.5, 32] },
+  { id: 'depth', label: 'Depth', help: 'Respects walls.', kind: 'switch', default: true },
+  { id: 'grid', label: 'Grid', help: 'How records are found.', kind: 'choice', default: 'cascades', names: ['cascades', 'trapezoidal'] },
+];
+
 export class FakeServer {
   /** Every control message received, in order. @type {any[]} */
   messages = [];
@@ -131,11 +138,18 @@ export class FakeServer {
       limits: LIMITS,
       techniques: [
         { id: 'path', label: 'Path tracing', summary: 'Unbiased reference with multiple importance sampling.' },
-        { id: 'surfel', label: 'Surfels', summary: 'Persistent cache of indirect light.' },
+        {
+          id: 'cache',
+          label: 'Cache',
+          summary: 'Persistent cache of indirect light.',
+          settings: SETTINGS,
+          presets: [{ id: 'high', values: { radius: 3, grid: 'trapezoidal' } }],
+        },
       ],
       outputs: [
         { id: 'normal', label: 'Normal' },
-        { id: 'surfel_coverage', label: 'Surfels: coverage' },
+        { id: 'variance', label: 'Variance', help: 'Variance of the mean.' },
+        { id: 'cache_coverage', label: 'Coverage', help: 'Sum of weights.', technique: 'cache' },
       ],
       cameras: other ? [] : [
         { name: 'front', pose: pose([0, 1, 3.5]), exposure: 1 },

@@ -1,10 +1,12 @@
 /**
- * Settings of the view: technique, output, exposure, resolution, viewpoints; warnings of the import.
+ * Settings of the view: technique, output, exposure, resolution, viewpoints; warnings of the import. Techniques and
+ * outputs are enumerated from their descriptors in the welcome.
  */
 
 import { h } from './dom.js';
 import { choice, slider } from './fields.js';
 import { evOf, factorOf } from './quantities.js';
+import { TechniqueSettings } from './technique-settings.js';
 
 /** The choice for no output. */
 const RADIANCE = { value: '', label: 'Radiance' };
@@ -27,11 +29,20 @@ export class ViewPanel {
       label: 'Technique',
       changed: (technique) => {
         view.setView({ technique });
-        this.#describe();
+        this.#showTechnique();
+        if (this.view.output !== undefined && this.output.value === RADIANCE.value) view.setView({ aov: null });
       },
     });
     this.summary = h('p', { className: 'hint' });
-    this.output = choice({ label: 'Show', changed: (id) => view.setView({ aov: id || null }) });
+    this.settings = new TechniqueSettings();
+    this.output = choice({
+      label: 'Show',
+      changed: (id) => {
+        view.setView({ aov: id || null });
+        this.#showOutput();
+      },
+    });
+    this.meaning = h('p', { className: 'hint' });
     this.inspect = h('button', {
       type: 'button',
       textContent: 'Inspect',
@@ -56,8 +67,10 @@ export class ViewPanel {
     host.append(
       this.technique.element,
       this.summary,
+      this.settings.element,
       this.output.element,
-      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Point'), this.inspect),
+      this.meaning,
+      h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Inspection'), this.inspect),
       this.exposure.element,
       this.resolution.element,
       h('div', { className: 'field stack' }, h('span', { className: 'label' }, 'Viewpoints'), this.viewpoints),
@@ -67,14 +80,12 @@ export class ViewPanel {
 
   /** @param {import('../protocol/types.js').Welcome} welcome */
   update(welcome) {
-    this.techniques = welcome.techniques;
+    this.welcome = welcome;
     this.technique.set(
       welcome.techniques.map(({ id, label }) => ({ value: id, label })),
       this.view.technique ?? welcome.techniques[0]?.id ?? '',
     );
-    this.#describe();
-    const outputs = welcome.outputs.map(({ id, label }) => ({ value: id, label }));
-    this.output.set([RADIANCE, ...outputs], this.view.output ?? RADIANCE.value);
+    this.#showTechnique();
     this.exposure.set(evOf(this.view.exposure));
     const { rig } = this.view;
     /** @param {string} key @param {string} name @param {() => void} go */
@@ -92,8 +103,19 @@ export class ViewPanel {
     this.inspect.ariaPressed = String(on);
   }
 
-  #describe() {
-    this.summary.textContent = this.techniques?.find(({ id }) => id === this.technique.value)?.summary ?? '';
+  /** Shows what belongs to the chosen technique: summary, settings, outputs. */
+  #showTechnique() {
+    const technique = this.welcome?.techniques.find(({ id }) => id === this.technique.value);
+    this.summary.textContent = technique?.summary ?? '';
+    this.settings.show(technique);
+    const outputs = (this.welcome?.outputs ?? []).filter((output) => (output.technique ?? technique?.id) === technique?.id);
+    const chosen = outputs.some(({ id }) => id === this.view.output) ? this.view.output : undefined;
+    this.output.set([RADIANCE, ...outputs.map(({ id, label }) => ({ value: id, label }))], chosen ?? RADIANCE.value);
+    this.#showOutput();
+  }
+
+  #showOutput() {
+    this.meaning.textContent = this.welcome?.outputs?.find(({ id }) => id === this.output.value)?.help ?? '';
   }
 
   /** @param {string[]} warnings */
