@@ -95,8 +95,8 @@ pub struct RenderArgs {
     /// The setting of this name, over the preset.
     #[arg(long)]
     pub reconstruction: Option<String>,
-    /// Setting of the technique, over the preset, such as radius=3; may be given several times. `surfelcast settings` lists
-    /// them.
+    /// Setting of the technique, over the preset, such as radius=3; may be given several times. `surfelcast settings`
+    /// lists them.
     #[arg(long = "set", alias = "surfel", value_name = "NAME=VALUE")]
     pub settings: Vec<String>,
     /// Samples a pixel; 64 where no stop rule is given.

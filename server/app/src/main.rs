@@ -1,5 +1,5 @@
-//! The program `surfelcast`: serve, render, settings, doctor. Reads the command line, wires the crates together, maps outcomes to
-//! exit codes: 0 done, 1 runtime failure, 2 bad usage or bad input.
+//! The program `surfelcast`: serve, render, settings, doctor. Reads the command line, wires the crates together, maps
+//! outcomes to exit codes: 0 done, 1 runtime failure, 2 bad usage or bad input.
 
 mod doctor;
 mod progress;

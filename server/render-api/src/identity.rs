@@ -1,7 +1,8 @@
 //! Identities that outlive a build: SHA-256 over canonical JSON.
 //!
 //! Canonical: keys are sorted, nothing is padded, and a number that is not whole by type is written as the bits of its
-//! double-precision value, so that no printer of numbers has a say. Floats of single precision are widened, which is exact.
+//! double-precision value, so that no printer of numbers has a say. Floats of single precision are widened, which is
+//! exact.
 
 use std::fmt::Write as _;
 

@@ -1,9 +1,9 @@
 //! What a caller, the renderer and (one day) a queue between them exchange: requests, settings, results.
 //!
-//! A [`RenderRequest`] is what HTTP, the command line and the page send. [`RenderRequest::resolve`] fills in every default
-//! from one table and gives a [`RenderSpec`], which says all that the pixels depend on; [`identity`] makes its key. What may
-//! be requested is described by data: a [`Catalogue`] of techniques with their [`Setting`]s, [`Preset`]s and outputs.
-//! No GPU and no async runtime are known here.
+//! A [`RenderRequest`] is what HTTP, the command line and the page send. [`RenderRequest::resolve`] fills in every
+//! default from one table and gives a [`RenderSpec`], which says all that the pixels depend on; [`identity`] makes its
+//! key. What may be requested is described by data: a [`Catalogue`] of techniques with their [`Setting`]s, [`Preset`]s
+//! and outputs. No GPU and no async runtime are known here.
 
 pub mod catalogue;
 pub mod check;

@@ -28,8 +28,8 @@ pub struct ErrorEstimate {
     pub rmse_low: f32,
     /// Its upper end.
     pub rmse_high: f32,
-    /// Mean squared error after the tone map: unbiased, and so below 0 by chance where the error is smaller than the audit
-    /// can see. Averages over images must take this one.
+    /// Mean squared error after the tone map: unbiased, and so below 0 by chance where the error is smaller than the
+    /// audit can see. Averages over images must take this one.
     pub mse_tonemapped: f32,
 }
 
@@ -93,7 +93,7 @@ pub struct RenderOutput {
     pub memory_bytes: Vec<(String, u64)>,
     /// What the technique exports, where it was requested: a file's bytes.
     pub export: Option<Vec<u8>>,
-    /// Why it stopped: `samples`, `max_error`, `time_limit`, `canceled`, or `stalled` where a biased technique's error no
-    /// longer falls.
+    /// Why it stopped: `samples`, `max_error`, `time_limit`, `canceled`, or `stalled` where a biased technique's error
+    /// no longer falls.
     pub stopped_by: &'static str,
 }

@@ -312,7 +312,8 @@ fn frame_view(settings: &ViewState, size: [u32; 2]) -> FrameView {
     FrameView { camera: settings.camera, size, exposure: settings.exposure }
 }
 
-/// What is shown instead of radiance, as colours that survive the tone map; none where the technique has no such output.
+/// What is shown instead of radiance, as colours that survive the tone map; none where the technique has no such
+/// output.
 fn shown_output(
     on: SceneOnDevice<'_>,
     view: &FrameView,

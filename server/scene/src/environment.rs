@@ -40,9 +40,9 @@ pub struct EnvironmentMap {
 const MAX_SIDE: u32 = 1 << 16;
 
 impl EnvironmentMap {
-    /// Reads a lat-long map from a `.hdr` (Radiance) or `.exr` (OpenEXR) file, told apart by their first bytes. The size
-    /// is checked from the header before pixels are decoded. Negative and non-finite values become 0 (infinities the
-    /// largest half float), which is logged.
+    /// Reads a lat-long map from a `.hdr` (Radiance) or `.exr` (OpenEXR) file, told apart by their first bytes. The
+    /// size is checked from the header before pixels are decoded. Negative and non-finite values become 0 (infinities
+    /// the largest half float), which is logged.
     pub fn read(path: &Path, limits: &SceneLimits) -> Result<Self, SceneError> {
         let read_error = |source| SceneError::Read { path: path.display().to_string(), source };
         let length = std::fs::metadata(path).map_err(read_error)?.len();

@@ -14,7 +14,8 @@ pub struct Picked {
 }
 
 impl Scene {
-    /// Traces one ray on the CPU through `point`, 0 to 1 from the top left of an image with this ratio of width to height.
+    /// Traces one ray on the CPU through `point`, 0 to 1 from the top left of an image with this ratio of width to
+    /// height.
     pub fn pick(&self, camera: &Camera, aspect: f64, point: [f32; 2]) -> Option<Picked> {
         let (right, up, forward) = camera.frame();
         let half_height = (camera.vfov * 0.5).tan();

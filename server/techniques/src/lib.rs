@@ -1,9 +1,9 @@
 //! Rendering techniques. The passes that they share are in the crate `surfelcast-passes`.
 //!
-//! Each technique is one folder and one line in [`registry`]. A technique records passes into a frame graph; it owns its
-//! history and says what of it survives a change. What can be requested of it is data
-//! ([`surfelcast_render_api::TechniqueDescription`]): its settings, presets and outputs appear on the command line, in the
-//! HTTP schema and on the page without a line of code there.
+//! Each technique is one folder and one line in [`registry`]. A technique records passes into a frame graph; it owns
+//! its history and says what of it survives a change. What can be requested of it is data
+//! ([`surfelcast_render_api::TechniqueDescription`]): its settings, presets and outputs appear on the command line, in
+//! the HTTP schema and on the page without a line of code there.
 
 pub mod gradient;
 pub mod outputs;

@@ -47,7 +47,8 @@ pub trait TechniqueSession: Any + Send + Sync {
     /// Takes saved bytes, to be used when the state is first needed. Those that do not fit are dropped with a warning.
     fn restore(&self, _identity: SnapshotIdentity, _bytes: Vec<u8>) {}
 
-    /// The file that [`surfelcast_render_api::TechniqueDescription::export`] promises; `None` where there is nothing yet.
+    /// The file that [`surfelcast_render_api::TechniqueDescription::export`] promises; `None` where there is nothing
+    /// yet.
     fn export(&self, _gpu: &Gpu, _scene: &SceneBuffers) -> Result<Option<Vec<u8>>, TechniqueError> {
         Ok(None)
     }

@@ -104,7 +104,8 @@ pub trait Technique: Send {
     /// Forgets what no longer holds.
     fn invalidate(&mut self, change: Change);
 
-    /// Gives its last frame away, for an image of another size that takes its place; `None` where that has no use for it.
+    /// Gives its last frame away, for an image of another size that takes its place; `None` where that has no use for
+    /// it.
     fn leave_frame(&mut self) -> Option<EarlierFrame> {
         None
     }
@@ -122,8 +123,8 @@ pub trait Technique: Send {
     /// Direct light (bounced at most once) and indirect irradiance over pi by pixel, where they are kept apart.
     fn split(&self) -> Option<(&Buffer, &Buffer)>;
 
-    /// One of the outputs in [`TechniqueDescription::outputs`]; `is_shown` for colours that survive the tone map instead of
-    /// numbers.
+    /// One of the outputs in [`TechniqueDescription::outputs`]; `is_shown` for colours that survive the tone map
+    /// instead of numbers.
     fn output(
         &self,
         _gpu: &Gpu,

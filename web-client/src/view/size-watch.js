@@ -16,8 +16,8 @@ export function watchSize(element, changed) {
   let timer;
   const report = () => {
     timer = undefined;
-    reportedAt = performance.now();
     changed(last);
+    reportedAt = performance.now();
   };
   const observer = new ResizeObserver((entries) => {
     const box = entries.at(-1)?.contentRect;

@@ -1,8 +1,8 @@
 //! The JSON of a glTF 2.0 file, as far as it is used.
 //!
-//! Own types instead of the `gltf` crate's: those keep node transforms in `f32`, which snaps scenes far from the origin,
-//! and demand members that the specification makes optional (`scenes[].nodes`, `channels[].target.node`). Nothing here is
-//! trusted: indices and enumerants are checked where they are used, by [`item`] and the readers.
+//! Own types instead of the `gltf` crate's: those keep node transforms in `f32`, which snaps scenes far from the
+//! origin, and demand members that the specification makes optional (`scenes[].nodes`, `channels[].target.node`).
+//! Nothing here is trusted: indices and enumerants are checked where they are used, by [`item`] and the readers.
 
 use serde::Deserialize;
 

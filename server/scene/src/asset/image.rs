@@ -26,7 +26,7 @@ struct Decoded {
 pub(crate) struct TextureLoader {
     /// Texture of the file -> texture of the scene.
     indices: BTreeMap<usize, u32>,
-    /// Textures of the file in the order they were first asked for.
+    /// Textures of the file in the order they were first requested.
     wanted: Vec<usize>,
 }
 
@@ -43,7 +43,7 @@ impl TextureLoader {
         })
     }
 
-    /// Loads everything asked for.
+    /// Loads everything requested.
     pub(crate) fn load(
         self,
         reader: &Reader<'_>,

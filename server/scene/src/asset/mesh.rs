@@ -61,8 +61,8 @@ pub(crate) fn decode(
     Ok(meshes)
 }
 
-/// Lists the primitives of all meshes in use and checks their totals, from the accessors' counts alone. Every mesh in use
-/// gets an entry, also those without a triangle.
+/// Lists the primitives of all meshes in use and checks their totals, from the accessors' counts alone. Every mesh in
+/// use gets an entry, also those without a triangle.
 fn list<'a>(
     reader: &Reader<'a>,
     tree: &NodeTree,

@@ -1,12 +1,13 @@
 //! Building of 8-wide compressed hierarchies with `obvhs`, made conservative and scale-free.
 //!
-//! What is added to the builder: coordinates are scaled by a power of two so that no absolute threshold inside it matters
-//! (tiny.glb is 60 micrometres wide); child boxes are quantised again so that they contain their triangles with a margin
-//! of about 2^-21 of the hierarchy's extent, which covers the rounding of a slab test in `f32`; and the depth is bounded,
-//! so that a traversal stack has a known size.
+//! What is added to the builder: coordinates are scaled by a power of two so that no absolute threshold inside it
+//! matters (tiny.glb is 60 micrometres wide); child boxes are quantised again so that they contain their triangles with
+//! a margin of about 2^-21 of the hierarchy's extent, which covers the rounding of a slab test in `f32`; and the depth
+//! is bounded, so that a traversal stack has a known size.
 //!
-//! The binary tree is built top down by binned surface-area cost instead of `obvhs`' PLOC, which takes quadratic time where
-//! many triangles stand in one place (69 s for 50,000 equal ones) and so would let a small upload stall the server.
+//! The binary tree is built top down by binned surface-area cost instead of `obvhs`' PLOC, which takes quadratic time
+//! where many triangles stand in one place (69 s for 50,000 equal ones) and so would let a small upload stall the
+//! server.
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -82,8 +83,8 @@ fn split_large(boxes: &mut Vec<Aabb>, owner: &mut Vec<u32>, triangles: &[Triangl
     }
 }
 
-/// Builds over scaled boxes and returns nodes in unscaled coordinates. Trees that come out too deep are built again, first
-/// without the optimiser, then by halves.
+/// Builds over scaled boxes and returns nodes in unscaled coordinates. Trees that come out too deep are built again,
+/// first without the optimiser, then by halves.
 fn build_boxes(boxes: &[Aabb], scale: f32, max_depth: u32) -> Hierarchy {
     if boxes.is_empty() {
         return Hierarchy::default();
@@ -111,8 +112,8 @@ fn build_boxes(boxes: &[Aabb], scale: f32, max_depth: u32) -> Hierarchy {
 /// Expected boxes met by a ray, above which reinsertion is left out.
 const MAX_COST: f64 = 4000.0;
 
-/// Moves subtrees to where they cost less (Meister and Bittner 2018). The search for a place visits about as many nodes as
-/// a ray does, so it is left out where boxes overlap so much that it would not end in reasonable time.
+/// Moves subtrees to where they cost less (Meister and Bittner 2018). The search for a place visits about as many nodes
+/// as a ray does, so it is left out where boxes overlap so much that it would not end in reasonable time.
 fn optimise(bvh2: &mut Bvh2) {
     let half_area = |node: &Bvh2Node| f64::from(node.aabb().half_area());
     let root = bvh2.nodes.first().map_or(0.0, half_area);

@@ -1,8 +1,8 @@
 //! An apartment on a sunny afternoon: living room, kitchen with dining table, study.
 //!
-//! Metres, +Y up. The living room spans x 0..6, z 0..5, the kitchen x 6.15..10, z 0..5, the study x 0..4.5, z -3.5..-0.15;
-//! ceilings are at 2.7. South, where the large windows are, is +Z. Walls reach a little into each other, into floor and
-//! ceiling, so that no two faces lie in one plane and no seam lets light through.
+//! Metres, +Y up. The living room spans x 0..6, z 0..5, the kitchen x 6.15..10, z 0..5, the study x 0..4.5, z
+//! -3.5..-0.15; ceilings are at 2.7. South, where the large windows are, is +Z. Walls reach a little into each other,
+//! into floor and ceiling, so that no two faces lie in one plane and no seam lets light through.
 
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};

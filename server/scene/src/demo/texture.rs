@@ -28,7 +28,8 @@ fn noise(p: Vec2, periods: [i32; 2], seed: u32) -> f32 {
     low + (high - low) * f.y
 }
 
-/// A picture from a function of (u, v) in the unit square to sRGB in [0, 1], in 32 levels a channel so that it packs well.
+/// A picture from a function of (u, v) in the unit square to sRGB in [0, 1], in 32 levels a channel so that it packs
+/// well.
 fn paint(width: u32, height: u32, color: impl Fn(f32, f32) -> Vec3) -> Vec<u8> {
     let picture = RgbImage::from_fn(width, height, |x, y| {
         let c = color((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);

@@ -58,8 +58,8 @@ pub enum Reconstruction {
     /// The screened Poisson problem on the graph of surfels, with differences measured by reconnected rays.
     #[default]
     Poisson,
-    /// Each surfel keeps its own mean; the pixels' light solves a screened Poisson problem with what they gather of measured
-    /// differences (after Noack 2022), to compare with.
+    /// Each surfel keeps its own mean; the pixels' light solves a screened Poisson problem with what they gather of
+    /// measured differences (after Noack 2022), to compare with.
     Image,
 }
 
@@ -84,12 +84,12 @@ impl Reconstruction {
     }
 }
 
-/// Where [`Reconstruction::Image`] takes its differences from: ours, then in steps back to the scheme of Noack 2022, so that
-/// each cause of its failure can be told apart.
+/// Where [`Reconstruction::Image`] takes its differences from: ours, then in steps back to the scheme of Noack 2022, so
+/// that each cause of its failure can be told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ImageScheme {
-    /// Slopes by the normalised weights of a gather; pixels that no smooth surface joins are not tied together, others as far
-    /// as values are noisier than slopes are wrong.
+    /// Slopes by the normalised weights of a gather; pixels that no smooth surface joins are not tied together, others
+    /// as far as values are noisier than slopes are wrong.
     #[default]
     Weighed = IMAGE_WEIGHED as isize,
     /// Others all alike.
@@ -134,11 +134,11 @@ impl Apply {
 /// Settings of a cache and of the pictures that it lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfelSettings {
-    /// Surfels that fit, a power of two in [2^16, 2^22]; 0 chooses by the device's memory. More keep more of the scene at
-    /// hand; each takes about 400 bytes, and 700 more where light is reconstructed.
+    /// Surfels that fit, a power of two in [2^16, 2^22]; 0 chooses by the device's memory. More keep more of the scene
+    /// at hand; each takes about 400 bytes, and 700 more where light is reconstructed.
     pub capacity: u32,
-    /// Radius in pixels, [1.5, 32]. Smaller shows more detail; twice as small takes four times the surfels, each of which
-    /// needs as many rays.
+    /// Radius in pixels, [1.5, 32]. Smaller shows more detail; twice as small takes four times the surfels, each of
+    /// which needs as many rays.
     pub radius_pixels: f32,
     /// Coverage below which a point gets a surfel, [0.05, 2]. More overlap is smoother and costs surfels and gathering.
     pub coverage: f32,
@@ -146,8 +146,8 @@ pub struct SurfelSettings {
     pub rays_per_pixel: f32,
     /// Tone-mapped standard error at which a surfel gets no more rays, [0, 0.1]; 0 for never.
     pub target_error: f32,
-    /// Share of rays guided to where light came from, [0, 0.9]. Helps where little light comes from few directions; without
-    /// it directions come from an even sequence, which helps everywhere.
+    /// Share of rays guided to where light came from, [0, 0.9]. Helps where little light comes from few directions;
+    /// without it directions come from an even sequence, which helps everywhere.
     pub guided_share: f32,
     /// Gathers respect walls by radial depth. Costs a sixteenth of the gather and removes leaks.
     pub respects_depth: bool,
@@ -167,8 +167,8 @@ pub struct SurfelSettings {
     pub bins_rays: bool,
     /// Where the first surfels go.
     pub initial: Initial,
-    /// What this picture sees is kept until the picture is gone, however full the cache. A wish of the picture's: pictures that
-    /// differ in it share a cache.
+    /// What this picture sees is kept until the picture is gone, however full the cache. A wish of the picture's:
+    /// pictures that differ in it share a cache.
     pub pins: bool,
     /// How pixels get light from surfels.
     pub apply: Apply,
@@ -231,7 +231,7 @@ impl SurfelSettings {
         Self { grid: Grid::default(), bins_rays: false, initial: Initial::default(), ..self.of_cache() }
     }
 
-    /// Settings without the wishes of a single picture: pictures that differ in those share a cache.
+    /// Settings without those of a single view: views that differ in them share a cache.
     pub(crate) fn of_cache(&self) -> Self {
         Self {
             pins: false,

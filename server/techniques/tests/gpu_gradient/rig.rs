@@ -56,8 +56,8 @@ impl<'a> Rig<'a> {
         entry.start(self.gpu, &self.buffers, &self.lights, &SessionState::default(), options).unwrap()
     }
 
-    /// Renders until the image has `samples` samples per pixel, in steps of at most `max_paths` paths. Returns its number
-    /// of rays.
+    /// Renders until the image has `samples` samples per pixel, in steps of at most `max_paths` paths. Returns its
+    /// number of rays.
     pub(crate) fn render(&self, technique: &mut dyn Technique, samples: u32, max_paths: u64) -> u64 {
         let mut rays = 0;
         while technique.samples() < samples {

@@ -40,7 +40,8 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Fills `root` and its `2 n - 2` descendants: first both children, then the left one's descendants, then the right's.
+    /// Fills `root` and its `2 n - 2` descendants: first both children, then the left one's descendants, then the
+    /// right's.
     fn run(self, items: &mut [u32], root: &mut Bvh2Node, descendants: &mut [Bvh2Node]) {
         let around = items.iter().fold(Aabb::empty(), |a, &i| a.union(&self.boxes[i as usize]));
         if items.len() == 1 {
