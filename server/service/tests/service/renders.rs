@@ -255,7 +255,10 @@ async fn the_api_description_lists_techniques_presets_settings_and_outputs() {
         assert!(described["description"].as_str().is_some_and(|text| text.starts_with(setting.help)), "{described}");
         assert_eq!(described["default"], serde_json::to_value(setting.default_value()).expect("encodes"));
     }
-    assert_eq!((settings["radius"]["minimum"].as_f64(), settings["radius"]["maximum"].as_f64()), (Some(1.5), Some(32.0)));
+    assert_eq!(
+        (settings["radius"]["minimum"].as_f64(), settings["radius"]["maximum"].as_f64()),
+        (Some(1.5), Some(32.0))
+    );
     assert_eq!(settings["reconstruction"]["enum"], json!(["none", "poisson"]));
     assert_eq!(settings["depth"]["type"], "boolean");
     let request = &schemas["RenderRequest"];
