@@ -1,4 +1,5 @@
-//! Buffers that say where things are: instances, the top level over them, and light triangles, which are in scene space.
+//! Buffers that say where things are: instances, the top level over them, and light triangles, which are in scene
+//! space.
 
 use surfelcast_gpu::{Buffer, Gpu, GpuError, PassBuilder};
 use surfelcast_scene::geometry::BvhNode;
