@@ -1,8 +1,8 @@
 //! Triangles, vertices, instances and hierarchies as the GPU reads them.
 //!
-//! A mesh that is used once, that emits light, is skinned or morphed, or is small enough to copy, is *baked*: its vertices
-//! stand in scene space and it belongs to the one hierarchy of the baked instance (identity). Other meshes get a hierarchy of
-//! their own, in object space recentred for precision, and one [`Instance`] for each use.
+//! A mesh that is used once, that emits light, is skinned or morphed, or is small enough to copy, is *baked*: its
+//! vertices stand in scene space and it belongs to the one hierarchy of the baked instance (identity). Other meshes get
+//! a hierarchy of their own, in object space recentred for precision, and one [`Instance`] for each use.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -98,8 +98,8 @@ pub struct Instance {
 pub struct SceneGeometry {
     /// Nodes of the bottom levels, which hold triangles.
     pub nodes: Vec<BvhNode>,
-    /// Nodes of the top level, which holds instances; the first is the root. With a single instance the tracer starts at
-    /// that instance's root instead.
+    /// Nodes of the top level, which holds instances; the first is the root. With a single instance the tracer starts
+    /// at that instance's root instead.
     pub top_nodes: Vec<BvhNode>,
     /// Triangles in leaf order. With spatial splits one triangle may stand in several leaves.
     pub bvh_triangles: Vec<BvhTriangle>,

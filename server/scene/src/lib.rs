@@ -1,13 +1,13 @@
 //! glTF in, validated CPU scene out.
 //!
-//! A [`SceneAsset`] is what a file says, decoded once; a [`SceneState`] is what may change (the instant of an animation);
-//! a [`Scene`] is built from both, immutable, and laid out the way the GPU reads it: bottom-level hierarchies
-//! and the top-level one, triangles in leaf order, packed vertices, materials, lights. The crate
-//! knows no GPU and no async runtime.
+//! A [`SceneAsset`] is what a file says, decoded once; a [`SceneState`] is what may change (the instant of an
+//! animation); a [`Scene`] is built from both, immutable, and laid out the way the GPU reads it: bottom-level
+//! hierarchies and the top-level one, triangles in leaf order, packed vertices, materials, lights. The crate knows no
+//! GPU and no async runtime.
 //!
-//! Spaces: *world* is the file's own space in metres (`f64` on the CPU); *scene* space is world minus [`Scene::origin`],
-//! the centre of the bounds, in `f32`; *object* space is that of one instanced mesh. Angles are radians, colours linear
-//! Rec. 709, emission is radiance (W sr^-1 m^-2).
+//! Spaces: *world* is the file's own space in metres (`f64` on the CPU); *scene* space is world minus
+//! [`Scene::origin`], the centre of the bounds, in `f32`; *object* space is that of one instanced mesh. Angles are
+//! radians, colours linear Rec. 709, emission is radiance (W sr^-1 m^-2).
 
 mod asset;
 mod bounds;

@@ -1,9 +1,9 @@
-//! Ray traversal on the CPU over exactly the hierarchies the GPU gets: the twin of the shader's tracer and the yardstick
-//! of its speed.
+//! Ray traversal on the CPU over exactly the hierarchies the GPU gets: the twin of the shader's tracer and the
+//! yardstick of its speed.
 //!
-//! Boxes are tested with an error bound, and triangles by the watertight test of Woop, Benthin and Wald (JCGT 2013), so a
-//! ray cannot slip between two triangles that share an edge. Alpha is not looked at: every triangle counts as solid, and
-//! both sides count.
+//! Boxes are tested with an error bound, and triangles by the watertight test of Woop, Benthin and Wald (JCGT 2013), so
+//! a ray cannot slip between two triangles that share an edge. Alpha is not looked at: every triangle counts as solid,
+//! and both sides count.
 
 use glam::Vec3;
 

@@ -1,7 +1,5 @@
 //! The words of comments, names and documents: one term for one thing, the field's own. And the length of their lines.
 
-use std::collections::BTreeMap;
-
 use anyhow::Result;
 
 use crate::report;
@@ -39,27 +37,6 @@ const REFUSED: &[(&str, &str)] = &[
 /// Longest line of a comment or of a document's text, columns.
 const COLUMNS: usize = 120;
 
-/// Folders that are still being rewritten: path and how many faults they may have.
-const WORDS_TO_REWRITE: &[(&str, usize)] = &[];
-/// The same for long lines.
-const LINES_TO_BREAK: &[(&str, usize)] = &[("server/scene/", 10)];
-
-/// Faults, but for those of folders that may have that many.
-fn without_allowed(faults: Vec<(String, String)>, allowed: &[(&str, usize)]) -> Vec<String> {
-    let folder_of = |path: &str| allowed.iter().find(|(folder, _)| path.starts_with(folder));
-    let mut counts = BTreeMap::<&str, usize>::new();
-    for (path, _) in &faults {
-        if let Some((folder, _)) = folder_of(path) {
-            *counts.entry(folder).or_default() += 1;
-        }
-    }
-    faults
-        .into_iter()
-        .filter(|(path, _)| folder_of(path).is_none_or(|(folder, limit)| counts[folder] > *limit))
-        .map(|(_, message)| message)
-        .collect()
-}
-
 /// The text of a line without the marks of a comment.
 fn text_of(line: &str) -> &str {
     line.trim_start().trim_start_matches(['/', '!', '*', '#', '-', '>']).trim()
@@ -95,10 +72,10 @@ fn words_are_the_fields_own() -> Result<()> {
         for (line, word, better) in refused_words(&source.text) {
             let message =
                 format!("{}:{line}: \"{word}\" is refused; write: {better} (CONTRIBUTING.md, Glossary)", source.path);
-            faults.push((source.path.clone(), message));
+            faults.push(message);
         }
     }
-    report(&without_allowed(faults, WORDS_TO_REWRITE))
+    report(&faults)
 }
 
 /// Numbers of the lines that are too long: comments of code, text of documents. Not tables, blocks of code, or lines
@@ -133,10 +110,10 @@ fn lines_of_text_are_short() -> Result<()> {
     for source in sources()?.iter().filter(|source| source.is(CODE) || source.is(&["md"])) {
         for line in long_lines(source) {
             let message = format!("{}:{line}: over {COLUMNS} columns; break the line", source.path);
-            faults.push((source.path.clone(), message));
+            faults.push(message);
         }
     }
-    report(&without_allowed(faults, LINES_TO_BREAK))
+    report(&faults)
 }
 
 #[test]

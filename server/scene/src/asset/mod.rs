@@ -46,11 +46,11 @@ pub struct LoadOptions {
     pub mobility: Mobility,
 }
 
-/// Which nodes stay movable after a scene is built: a rigid mesh at such a node becomes an instance, whose transform alone
-/// says where it is, instead of being copied into scene space.
+/// Which nodes stay movable after a scene is built: a rigid mesh at such a node becomes an instance, whose transform
+/// alone says where it is, instead of being copied into scene space.
 ///
-/// An instance costs every ray that comes near it a transform and a hierarchy of its own, so nodes stay movable only where
-/// somebody moves them.
+/// An instance costs every ray that comes near it a transform and a hierarchy of its own, so nodes stay movable only
+/// where somebody moves them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mobility {
     /// None: a scene shown at one instant.
