@@ -33,7 +33,7 @@ fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
         let mut lists = requested.clone();
         lists.techniques = vec!["surfel".to_owned()];
         lists.reconstructions = vec![reconstruction.to_owned()];
-        let settings = ["sharing=0", scheme].into_iter().filter(|setting| !setting.is_empty());
+        let settings = ["sharing=off", scheme].into_iter().filter(|setting| !setting.is_empty());
         lists.settings.extend(settings.map(str::to_owned));
         variants.extend(lists.all()?);
     }
@@ -86,7 +86,7 @@ mod tests {
     fn schemes_are_rows_and_images_with_frames_are_columns() {
         let mut curves = Vec::new();
         for case in ["a_main_indirect", "b_main_indirect"] {
-            for (reconstruction, setting) in [("image", "image=summed"), ("none", "sharing=0")] {
+            for (reconstruction, setting) in [("image", "image=summed"), ("none", "sharing=off")] {
                 let mut one = curve(case, "surfel", 0.5);
                 one.key.variant.reconstruction = Some(reconstruction.to_owned());
                 one.key.variant.settings = vec![setting.to_owned()];

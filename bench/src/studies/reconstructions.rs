@@ -32,7 +32,7 @@ pub(super) fn run(args: &CurvesArgs) -> Result<(), Failure> {
 fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
     let mut lists = requested.clone();
     lists.techniques = or_default(&requested.techniques, &["surfel", "path"]);
-    lists.settings = or_default(&requested.settings, &["settling=0", "sharing=0"]);
+    lists.settings = or_default(&requested.settings, &["settling=off", "sharing=off"]);
     lists.all()
 }
 

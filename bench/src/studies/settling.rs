@@ -29,7 +29,7 @@ pub(super) const SMALL: Question = Question {
 };
 
 /// The setting with which the cache is alone.
-const ALONE: &str = "settling=0";
+const ALONE: &str = "settling=off";
 
 pub(super) fn run(args: &CurvesArgs) -> Result<(), Failure> {
     curves::run(&QUESTION, args, table)
@@ -42,7 +42,7 @@ pub(super) fn run_small(args: &CurvesArgs) -> Result<(), Failure> {
 fn variants(requested: &VariantLists) -> Result<Vec<Variant>, Failure> {
     let mut lists = requested.with_one_reconstruction();
     lists.techniques = or_default(&requested.techniques, &["surfel", "path"]);
-    lists.settings = or_default(&requested.settings, &["settling=1,0"]);
+    lists.settings = or_default(&requested.settings, &["settling=on,off"]);
     lists.all()
 }
 
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn settling_is_judged_by_the_better_of_both() {
-        let curves = [surfel("settling=1", 0.6), surfel("settling=0", 0.5), curve("a_main_lambert", "path", 0.5)];
+        let curves = [surfel("settling=on", 0.6), surfel("settling=off", 0.5), curve("a_main_lambert", "path", 0.5)];
         let text = table(&curves);
         let columns = text.lines().find(|line| line.contains("a_main_lambert")).unwrap().split('|').map(str::trim);
         assert_eq!(columns.skip(2).step_by(2).take(2).collect::<Vec<_>>(), ["1.20", "1.20"], "{text}");

@@ -87,7 +87,7 @@ pub(crate) struct CurvesArgs {
     #[arg(long = "preset", value_name = "NAME", value_parser = preset_names(&catalogue(TECHNIQUES)))]
     presets: Vec<String>,
     /// Setting with one or more values, such as radius=2,3,6; may be given several times.
-    #[arg(long = "set", alias = "surfel", value_name = "NAME=VALUE[,VALUE...]")]
+    #[arg(long = "set", value_name = "NAME=VALUE[,VALUE...]")]
     settings: Vec<String>,
     /// What the cache holds at first; may be given several times.
     #[arg(long = "start", value_enum, value_name = "STATE")]

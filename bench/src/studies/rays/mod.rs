@@ -10,6 +10,7 @@ use clap::Args;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use surfelcast::args::parse_size;
 use surfelcast::{Failure, scene_file};
 use surfelcast_gpu::{Buffer, Gpu, Kernel, MemoryKind};
 use surfelcast_measure::shared_folder;
@@ -21,8 +22,8 @@ use surfelcast_techniques::SceneBuffers;
 use crate::hit::facing_normal;
 use crate::report::{Measured, Origin, OutputArgs, Page, Table, describe};
 
-/// Size of the image whose camera rays are traced: whole tiles of 8 by 8 pixels.
-const SIZE: [u32; 2] = [1280, 720];
+/// Side of the tiles in which rays are traced, pixels.
+const TILE: u32 = 8;
 /// Time of each race before it is measured, time that is measured, and rounds at least.
 const WARM_UP: Duration = Duration::from_secs(1);
 const MEASURED: Duration = Duration::from_secs(4);
@@ -36,6 +37,9 @@ const NO_HIT: u32 = u32::MAX;
 
 #[derive(Debug, Args)]
 pub(crate) struct RaysArgs {
+    /// Image size; both sides are rounded up to a multiple of 8.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
+    size: [u32; 2],
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -55,6 +59,7 @@ struct Key {
     scene: String,
     /// Camera rays, or cosine-distributed ones from their hits.
     kind: String,
+    size: [u32; 2],
 }
 
 impl Measured for Row {
@@ -69,12 +74,24 @@ impl Measured for Row {
     }
 
     fn table(rows: &[Self]) -> Table {
-        let columns = ["scene", "rays", "triangles", "gpu_mrays_per_sec", "cpu_mrays_per_sec", "commit", "device"];
+        let columns = [
+            "scene",
+            "rays",
+            "width",
+            "height",
+            "triangles",
+            "gpu_mrays_per_sec",
+            "cpu_mrays_per_sec",
+            "commit",
+            "device",
+        ];
         let mut table = Table::new(columns);
         for Row { key, origin, triangles, on_gpu, on_cpu } in rows {
             table.push([
                 key.scene.clone(),
                 key.kind.clone(),
+                key.size[0].to_string(),
+                key.size[1].to_string(),
                 triangles.to_string(),
                 format!("{on_gpu:.3}"),
                 format!("{on_cpu:.3}"),
@@ -154,18 +171,18 @@ fn trace_on_cpu(geometry: &SceneGeometry, rays: &[Ray]) -> Vec<Option<Hit>> {
 }
 
 /// Rays through pixel centres, in tiles of 8 by 8 so that neighbours in the batch are neighbours in the image.
-fn camera_rays(scene: &Scene) -> Vec<Ray> {
+fn camera_rays(scene: &Scene, [width, height]: [u32; 2]) -> Vec<Ray> {
     let camera = scene.cameras[0].camera;
     let (right, up, forward) = camera.frame();
     let origin = (camera.position - scene.origin).as_vec3();
     let half_height = (camera.vfov * 0.5).tan();
-    let half_width = half_height * f64::from(SIZE[0]) / f64::from(SIZE[1]);
-    let mut rays = Vec::with_capacity((SIZE[0] * SIZE[1]) as usize);
-    for tile_y in 0..SIZE[1] / 8 {
-        for tile_x in 0..SIZE[0] / 8 {
-            for pixel in 0..64 {
-                let x = (f64::from(tile_x * 8 + pixel % 8) + 0.5) / f64::from(SIZE[0]) * 2.0 - 1.0;
-                let y = 1.0 - (f64::from(tile_y * 8 + pixel / 8) + 0.5) / f64::from(SIZE[1]) * 2.0;
+    let half_width = half_height * f64::from(width) / f64::from(height);
+    let mut rays = Vec::with_capacity((width * height) as usize);
+    for tile_y in 0..height / TILE {
+        for tile_x in 0..width / TILE {
+            for pixel in 0..TILE * TILE {
+                let x = (f64::from(tile_x * TILE + pixel % TILE) + 0.5) / f64::from(width) * 2.0 - 1.0;
+                let y = 1.0 - (f64::from(tile_y * TILE + pixel / TILE) + 0.5) / f64::from(height) * 2.0;
                 let direction = (forward + right * (x * half_width) + up * (y * half_height)).as_vec3();
                 rays.push([origin.extend(f32::MAX), direction.normalize_or(Vec3::Z).extend(0.0)]);
             }
@@ -239,8 +256,9 @@ fn race(count: usize, mut once: impl FnMut() -> Result<Duration, Failure>) -> Re
 }
 
 /// Both kinds of rays in a scene.
-fn measure_scene(gpu: &Gpu, origin: &Origin, name: &str, scene: &Scene) -> Result<Vec<Row>, Failure> {
-    let camera = camera_rays(scene);
+fn measure_scene(gpu: &Gpu, origin: &Origin, scene: &Scene, size: [u32; 2]) -> Result<Vec<Row>, Failure> {
+    let name = &scene.name;
+    let camera = camera_rays(scene, size);
     let camera_hits = trace_on_cpu(&scene.geometry, &camera);
     let cosine = cosine_rays(scene, &camera, &camera_hits);
     if cosine.is_empty() {
@@ -256,7 +274,7 @@ fn measure_scene(gpu: &Gpu, origin: &Origin, name: &str, scene: &Scene) -> Resul
             std::hint::black_box(trace_on_cpu(&scene.geometry, &rays));
             Ok(start.elapsed())
         })?;
-        let key = Key { scene: name.to_owned(), kind: kind.to_owned() };
+        let key = Key { scene: name.clone(), kind: kind.to_owned(), size };
         let triangles = scene.geometry.bvh_triangles.len();
         rows.push(Row { key, origin: origin.clone(), triangles, on_gpu, on_cpu });
     }
@@ -264,6 +282,7 @@ fn measure_scene(gpu: &Gpu, origin: &Origin, name: &str, scene: &Scene) -> Resul
 }
 
 pub(crate) fn run(args: &RaysArgs) -> Result<(), Failure> {
+    let size = args.size.map(|side| side.next_multiple_of(TILE));
     let mut record = args.output.record::<Row>(PAGE.name)?;
     let gpu = args.output.gpu()?;
     let origin = Origin::of(&gpu);
@@ -275,9 +294,9 @@ pub(crate) fn run(args: &RaysArgs) -> Result<(), Failure> {
     }
     let mut rows = Vec::new();
     for scene in scenes {
-        let keys = ["camera", "cosine"].map(|kind| Key { scene: scene.name.clone(), kind: kind.to_owned() });
+        let keys = ["camera", "cosine"].map(|kind| Key { scene: scene.name.clone(), kind: kind.to_owned(), size });
         if keys.iter().any(|key| record.find(key, &origin).is_none()) {
-            for row in measure_scene(&gpu, &origin, &scene.name, &scene)? {
+            for row in measure_scene(&gpu, &origin, &scene, size)? {
                 record.add(row)?;
             }
         }
@@ -298,5 +317,6 @@ fn markdown(rows: &[Row]) -> String {
             format!("{:.2}", on_gpu / on_cpu),
         ]);
     }
-    describe(rows.iter().map(|row| &row.origin), &[]) + &table.markdown()
+    let size = rows.first().map(|row| format!("{} x {} rays from the camera", row.key.size[0], row.key.size[1]));
+    describe(rows.iter().map(|row| &row.origin), &size.into_iter().collect::<Vec<_>>()) + &table.markdown()
 }

@@ -38,7 +38,7 @@ impl Programs {
             Ok::<_, MeasureError>(program)
         };
         let surfel = find("surfel").map_err(input)?;
-        Ok(Self { surfel: with(&surfel, &["--set", "settling=0"]), path: find("path").map_err(input)? })
+        Ok(Self { surfel: with(&surfel, &["--set", "settling=off"]), path: find("path").map_err(input)? })
     }
 
     pub(super) fn gate(&self, reference: &Reference) -> Result<Outcome, MeasureError> {

@@ -1,6 +1,6 @@
 //! The surfel cache against references and against path tracing at equal rays, measured with the finished program.
 //!
-//! The cache is measured alone: images do not converge to the path-traced one (`settling=0`).
+//! The cache is measured alone: images do not converge to the path-traced one (`settling=off`).
 
 mod measure;
 mod report;
